@@ -73,7 +73,10 @@ class Packer {
     const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : counting;
     const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
-    if (options_.effort != PackEffort::kNormal) return share;
+    if (options_.effort == PackEffort::kFast) return share;
+    if (options_.effort == PackEffort::kBest) {
+      return std::max(share, std::min(tuning_.best_per_few * charts, tuning_.least_best_work));
+    }
     const double of_few = std::min(tuning_.least_per_few * charts, tuning_.least_work);
     return std::max({share, of_few, tuning_.least_per_chart * charts});
   }
@@ -167,7 +170,8 @@ class Packer {
     const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.outlines.size());
     if (charts_.order.size() >= tuning_.charts_for_orders &&
         left > tuning_.fewest_orders * static_cast<double>(work_.of_trial)) {
-      TryOrders(static_cast<double>(work_.done) + (tightens ? tuning_.orders_share : 1) * left);
+      const double share = options_.effort == PackEffort::kBest ? tuning_.best_orders_share : tuning_.orders_share;
+      TryOrders(static_cast<double>(work_.done) + (tightens ? share : 1) * left);
     }
     series_.reset();
     if (tightens) TightenAll(std::llround(work_.budget - static_cast<double>(work_.done)));
@@ -422,6 +426,7 @@ class Packer {
     options.tiles = options_.tiles;
     options.atlases = options_.atlases;
     options.work = work;
+    options.hops = options_.effort == PackEffort::kBest;
     options.tuning = tuning_;
     std::vector<double> relative = Scales(best_.scale);
     for (double& r : relative) r /= best_.scale;

@@ -104,6 +104,8 @@ class Search {
     const auto n = static_cast<std::int32_t>(outlines_.size());
     std::vector<std::int32_t> order = Indices(n);
     bool apart = false;
+    std::int64_t least = std::numeric_limits<std::int64_t>::max();  // overlap after a round
+    std::vector<CellPose> best;
     while (!too_large_ && moves_ < options_.moves && work_ < options_.work && !execution.IsCancelled() &&
            !execution.IsStopRequested()) {
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
@@ -111,8 +113,13 @@ class Search {
       for (const std::int32_t i : order) any |= Move(i);
       apart = !any;
       if (apart) break;
-      Weigh();
+      const std::int64_t overlap = Weigh();
+      if (options_.keeps_least && overlap < least) {
+        least = overlap;
+        best = charts_.poses;
+      }
     }
+    if (!apart && !best.empty()) charts_.poses = best;
     for (std::size_t i = 0; i < charts_.poses.size(); ++i) {
       const CellPose& pose = charts_.poses[i];
       (*poses)[i] = {Vec2::Constant(options_.low) + image_.pixel * Vec2(pose.x, pose.y),
@@ -361,15 +368,16 @@ class Search {
     return DepthUnder(a, b, p.x - q.x, p.y - q.y);
   }
 
-  // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
-  void Weigh() {
+  // Pairs that overlap gain weight, the more the more they do; others lose some of theirs. Returns the sum of
+  // overlaps.
+  std::int64_t Weigh() {
     const auto n = static_cast<std::int32_t>(charts_.poses.size());
     struct Found {
       std::int32_t i, j;
       std::int64_t overlap;
     };
     std::vector<Found> found;
-    std::int64_t most = 1;
+    std::int64_t most = 1, sum = 0;
     for (std::int32_t i = 0; i < n; ++i) {
       if (!charts_.overlaps[i]) continue;
       work_ += n;
@@ -379,6 +387,7 @@ class Search {
         if (overlap == 0) continue;
         found.push_back({i, j, overlap});
         most = std::max(most, overlap);
+        sum += overlap;
       }
     }
     for (auto& pairs : charts_.pairs) {
@@ -390,6 +399,7 @@ class Search {
       Raise(f.i, f.j, factor);
       Raise(f.j, f.i, factor);
     }
+    return sum;
   }
 
   void Raise(std::int32_t i, std::int32_t j, double factor) {

@@ -15,6 +15,7 @@ struct RearrangeOptions : PackRules {
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
   int swaps = 0;                  // pairs of charts of about the same size that change places first
+  bool keeps_least = false;       // ends with the least overlap that was seen, instead of the last
   std::uint64_t seed = 0;
 };
 

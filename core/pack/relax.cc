@@ -214,9 +214,8 @@ double Relaxer::Step() {
   return worst;
 }
 
-void Relaxer::Grow(int patience, std::int64_t most_work) {
+void Relaxer::Grow(int patience, std::int64_t most_work, double growth) {
   const std::int64_t end = spent_.work + most_work;
-  constexpr double kGrowth = 1.002;
   std::vector<Pose> best = poses_;
   double best_scale = scale_;
   const std::int64_t most =
@@ -228,7 +227,7 @@ void Relaxer::Grow(int patience, std::int64_t most_work) {
     if (Step() > options_.tolerance) continue;
     best = before;
     best_scale = scale_;
-    scale_ *= kGrowth;
+    scale_ *= growth;
     stalled = 0;
   }
   poses_ = best;

@@ -38,10 +38,10 @@ class Relaxer {
   // Per chart: kept in addition to the distance; 0 at first.
   std::vector<double>& margins() { return margins_; }
 
-  // Grows the charts as long as they can make room for each other: until `patience` steps in a row have not brought
-  // them apart, or after about `most_work`. Ends with the largest scale at which no distance lacked more than the
-  // tolerance.
-  void Grow(int patience, std::int64_t most_work);
+  // Grows the charts, by a factor of `growth` at a time, as long as they can make room for each other: until `patience`
+  // steps in a row have not brought them apart, or after about `most_work`. Ends with the largest scale at which no
+  // distance lacked more than the tolerance.
+  void Grow(int patience, std::int64_t most_work, double growth = 1.002);
   // Moves charts at the present scale until no distance lacks more than the tolerance; returns whether that came about
   // within `steps` steps and about `most_work`.
   bool Separate(int steps, std::int64_t most_work);

@@ -127,7 +127,13 @@ class Tightener {
     }
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
-    if (charts_.outlines.size() <= tuning_.most_to_rearrange) Search(growing, &found);
+    if (charts_.outlines.size() <= tuning_.most_to_rearrange) {
+      if (options_.hops) {
+        SearchByHops(growing, &found);
+      } else {
+        Search(growing, &found);
+      }
+    }
     // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
     return arrangement_;
@@ -151,9 +157,7 @@ class Tightener {
   // best arrangement so far each time. The other goes on with what its last attempt left, though charts overlap there,
   // until that has led nowhere a few times: so it gets away from the best. In both, charts change places first.
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
-    const auto n = static_cast<std::int64_t>(charts_.outlines.size());
-    const std::int64_t budget = options_.work - growing,
-                       at_once = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * n;
+    const std::int64_t budget = options_.work - growing;
     std::array<double, kLanes> steps;
     steps.fill(tuning_.first_step);
     std::array<int, kLanes> failed = {};
@@ -166,11 +170,7 @@ class Tightener {
       std::array<std::int64_t, kLanes> work = {};
       const double best = found->back().scale;
       const auto run = [&](std::int64_t lane, std::int64_t) {
-        RearrangeOptions rearrange = {options_};
-        rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
-        rearrange.moves = at_once;
-        rearrange.work = budget - used;
-        rearrange.slack = tuning_.coarse_slack;
+        RearrangeOptions rearrange = Attempts(budget - used);
         rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
         rearrange.seed = kLanes * round + lane;
         results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);
@@ -193,6 +193,93 @@ class Tightener {
       if (better || failed[1] % tuning_.failures == 0) from[1] = found->back();
       if (better) failed.fill(0);
     }
+  }
+
+  // Image and moves of an attempt, without swaps.
+  RearrangeOptions Attempts(std::int64_t work) const {
+    RearrangeOptions options = {options_};
+    options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
+    options.moves = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * std::ssize(charts_.outlines);
+    options.work = work;
+    options.slack = tuning_.coarse_slack;
+    return options;
+  }
+
+  // The same with much more work (TightenOptions::hops): each lane hops from one jammed arrangement to another, and
+  // takes what is at most a little worse than the best it has seen (record-to-record travel, Dueck 1993). The first
+  // lane always knows the best of all. The other begins anew, with all charts shuffled, whenever that has led nowhere.
+  void SearchByHops(std::int64_t growing, std::vector<Arrangement>* found) {
+    struct Lane {
+      Arrangement here;
+      double record;  // the largest scale since it began
+      double step;
+      int in_vain = 0;  // hops since the record
+    };
+    std::array<Lane, kLanes> lanes;
+    for (Lane& lane : lanes) lane = {found->back(), found->back().scale, tuning_.first_step};
+    std::int64_t used = growing;
+    for (std::uint64_t round = 0; used < options_.work && !execution_.IsCancelled() && !execution_.IsStopRequested();
+         ++round) {
+      std::array<std::optional<Arrangement>, kLanes> results;
+      std::array<std::int64_t, kLanes> work = {};
+      const auto run = [&](std::int64_t k, std::int64_t) {
+        Lane& lane = lanes[k];
+        RearrangeOptions rearrange = Attempts(options_.work - used);
+        rearrange.keeps_least = true;
+        rearrange.seed = kLanes * round + k;
+        if (k > 0 && lane.in_vain >= tuning_.restart_after) {
+          rearrange.swaps = static_cast<int>(4 * charts_.outlines.size());
+          lane.record = tuning_.restart_scale * found->back().scale;
+          lane.here = {found->back().poses, lane.record};
+          lane.step = tuning_.first_step;
+        } else {
+          rearrange.swaps = static_cast<int>(round % (tuning_.most_swaps + 1));
+        }
+        results[k] = Hop(lane.here, lane.record * (1 - tuning_.hop_down[k]), 1 + lane.step, rearrange, &work[k]);
+      };
+      execution_.For(kLanes, run, 1);
+      for (std::size_t k = 0; k < kLanes; ++k) {
+        Lane& lane = lanes[k];
+        used += work[k];
+        if (results[k]) lane.here = std::move(*results[k]);
+        const bool is_anew = k > 0 && lane.in_vain >= tuning_.restart_after;
+        if (results[k] && (is_anew || lane.here.scale > lane.record)) {
+          lane.record = lane.here.scale;
+          lane.in_vain = 0;
+        } else {
+          ++lane.in_vain;
+          lane.step =
+              lane.step > tuning_.least_step ? std::max(tuning_.least_step, lane.step * 0.6) : tuning_.step_again;
+        }
+        if (lane.here.scale > found->back().scale) {
+          found->push_back(lane.here);
+        }
+      }
+      if (found->back().scale > lanes[0].record) {
+        lanes[0].here = found->back();
+        lanes[0].record = found->back().scale;
+        lanes[0].in_vain = 0;
+      }
+    }
+  }
+
+  // From `here` to another arrangement that is jammed, at least_scale or more, by way of overlaps at `growth` times the
+  // scale; those need not go away, since most do when the charts shrink again. Nothing if some stay.
+  std::optional<Arrangement> Hop(Arrangement here, double least_scale, double growth, const RearrangeOptions& options,
+                                 std::int64_t* work) const {
+    const double scale = here.scale * growth;
+    Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), options, execution_, &here.poses, work);
+    here.scale = std::min(scale, (1 + tuning_.finest_growth) * least_scale);
+    Relaxer relaxer = MakeRelaxer(here);
+    const auto left = [&] { return options.work - relaxer.work(); };
+    const bool apart = relaxer.Separate(tuning_.separating_steps, left());
+    if (apart) {
+      relaxer.Grow(20, left());
+      relaxer.Grow(tuning_.finest_patience, left(), 1 + tuning_.finest_growth);
+    }
+    *work += relaxer.work();
+    if (!apart) return std::nullopt;
+    return Arrangement{relaxer.poses(), relaxer.scale()};
   }
 
   // Nothing if charts cannot be brought apart at this scale, or one above least_scale. from->poses, at any scale,

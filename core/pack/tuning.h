@@ -2,6 +2,7 @@
 // them, by efficiency against work, on the charts of the shared assets and of tests/testing/families.h.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -26,6 +27,9 @@ struct PackTuning {
   // many charts. Eleven meshes of 2 to 9 charts, at ten paddings, fill 0.687, 0.689 and 0.690 of the texture in the
   // mean with 1.5e6, 2e6 and 20e6 for each.
   double least_per_few = 2e6, least_work = 20e6, least_per_chart = 25'000;
+
+  // PackEffort::kBest has so much in any case: for each of a few charts, and for all of them at most.
+  double best_per_few = 2e9, least_best_work = 60e9;
 
   // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
   double cells_per_chart = 24;
@@ -64,6 +68,16 @@ struct PackTuning {
   std::size_t most_to_rearrange = 1000;
   // Pairs of charts that change places before an attempt, at most, and attempts in vain from one another's remains.
   int most_swaps = 3, failures = 8;
+  // PackEffort::kBest. By how much of the record a hop of either lane may lead down (spot, barramundi, human_neutral
+  // and boot_g12 fill 0.807 of the texture in the mean with 0.003 and 0.01, 0.815 with these, 0.811 with 0 and 0.002,
+  // in 6 s each); hops in vain after which the second lane begins anew (human_neutral and barramundi fill 0.832 and
+  // 0.848 in 17 s, 0.829 and 0.835 without), at so much of the largest scale; growth and patience, in steps, at the end
+  // of a hop.
+  std::array<double, 2> hop_down = {0.001, 0.005};
+  int restart_after = 100;
+  double restart_scale = 0.97;
+  double finest_growth = 0.0005;
+  int finest_patience = 120;
   // Pixels along an average chart, and by how many of them charts may overlap, at first and on the finer image.
   double pixels_per_chart = 20, coarse_slack = 1, fine_slack = 0.4;
   int finest_side = 1200;  // pixels of a tile
@@ -88,7 +102,7 @@ struct PackTuning {
   // times the time of the whole unwrap with 8 of the last trials, which had ended early). It has this share of the work
   // where tightening follows, and all of it otherwise.
   std::size_t charts_for_orders = 21;
-  double fewest_orders = 12, orders_share = 0.35;
+  double fewest_orders = 12, orders_share = 0.35, best_orders_share = 0.05;  // the last with PackEffort::kBest
   int orders_in_vain = 25;  // changes of an order that do not help, after which a new order is taken
   // Chances that a change gives a chart a fixed turn (or frees it) instead of another place in the order, and that it
   // is made to the first chart for which there was no room.

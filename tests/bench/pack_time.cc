@@ -55,6 +55,9 @@ int Main(int argc, char** argv) {
   app.add_option("--full-work-faces", tuning.full_work_faces);
   app.add_option("--rest-per-chart", tuning.rest_per_chart);
   app.add_option("--normal-share", tuning.normal_share);
+  app.add_option("--best-share", tuning.best_share);
+  app.add_option("--best-per-few", tuning.best_per_few);
+  app.add_option("--least-best-work", tuning.least_best_work);
   app.add_option("--least-per-few", tuning.least_per_few);
   app.add_option("--least-work", tuning.least_work);
   app.add_option("--least-per-chart", tuning.least_per_chart);
@@ -68,6 +71,7 @@ int Main(int argc, char** argv) {
   app.add_option("--moves-at-once", tuning.moves_at_once);
   app.add_option("--moves-at-once-per-chart", tuning.moves_at_once_per_chart);
   app.add_option("--pixels-per-chart", tuning.pixels_per_chart);
+  app.add_option("--restart-after", tuning.restart_after);
   app.add_option("--growing-share", tuning.growing_share);
   app.add_option("--settling-share", tuning.settling_share);
   app.add_option("--fewest-orders", tuning.fewest_orders);

@@ -259,6 +259,7 @@ TEST(Pack, MoreEffortFillsMore) {
   const auto efficiency = [&](PackEffort effort) {
     PackOptions options;
     options.effort = effort;
+    options.tuning.least_best_work = 2e9;
     return Pack(charts, options).efficiency;
   };
   const double fast = efficiency(PackEffort::kFast), best = efficiency(PackEffort::kBest);
