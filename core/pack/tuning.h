@@ -70,9 +70,9 @@ struct PackTuning {
   int most_swaps = 3, failures = 8;
   // PackEffort::kBest. By how much of the record a hop of either lane may lead down (spot, barramundi, human_neutral
   // and boot_g12 fill 0.807 of the texture in the mean with 0.003 and 0.01, 0.815 with these, 0.811 with 0 and 0.002,
-  // in 6 s each); hops in vain after which the second lane begins anew (human_neutral and barramundi fill 0.832 and
-  // 0.848 in 17 s, 0.829 and 0.835 without), at so much of the largest scale; growth and patience, in steps, at the end
-  // of a hop.
+  // in 6 s each: one run each, and seeds differ by 0.005); hops in vain after which the second lane begins anew
+  // (human_neutral and barramundi fill 0.829 and 0.848 in 18 s, 0.829 and 0.835 without), at so much of the largest
+  // scale; growth and patience, in steps, at the end of a hop.
   std::array<double, 2> hop_down = {0.001, 0.005};
   int restart_after = 100;
   double restart_scale = 0.97;
