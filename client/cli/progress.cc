@@ -21,7 +21,8 @@ struct Weights {
 // Other policies do not cut for stretch.
 constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0.15, 0.1};
 
-constexpr double kStart = 0.01;  // seconds, of a worker
+constexpr double kStart = 0.01;          // seconds, of a worker
+constexpr double kBestPackSeconds = 40;  // from 5 charts on 10 to 60
 // What all rounds take of solves and cuts, times the first one; and what is left at the end of a round, times that.
 constexpr double kRounds = 3.5, kMoreRounds = 2;
 // What is left of a phase that takes longer than expected, as a part of that.
@@ -71,9 +72,10 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
 double WorkEstimate::PackSeconds(double seconds) const {
   const Weights& weights = WeightsOf(options_);
   if (!options_.pack || options_.seams == Seams::kNone) return 0;
-  // As the server bounds it, from normal effort on: half of that, a hundred times that.
-  const double effort = options_.effort == Effort::kFast ? 0.5 : options_.effort == Effort::kBest ? 100 : 1;
-  return weights.pack + effort * weights.packs * seconds;
+  // As the server bounds it.
+  const double normal = weights.packs * seconds;
+  if (options_.effort == Effort::kBest) return std::max(kBestPackSeconds, 100 * normal);
+  return weights.pack + (options_.effort == Effort::kFast ? 0.5 : 1) * normal;
 }
 
 double WorkEstimate::VerifySeconds(double seconds) const {

@@ -14,7 +14,7 @@ namespace planish {
 enum class PackEffort {
   kFast,    // about a quarter of what the charts and their maps cost
   kNormal,  // about a third of that, or 2 ms a chart, up to 20 ms, where that is more
-  kBest,    // more than a hundred times kNormal, and at least 2 s a chart, up to a minute, for the last per cent
+  kBest,    // with more charts (AtlasTuning): 50 times that, or 2 s a chart, up to a minute, where that is more
 };
 // What packing may cost over what the charts and their maps cost.
 double ShareOfRest(PackEffort effort, const PackTuning& tuning = {});

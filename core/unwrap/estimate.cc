@@ -81,9 +81,7 @@ double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
   const PackTuning& tuning = options.atlas.tuning;
   const double share = ShareOfRest(options.atlas.effort, tuning) * rest;
   if (options.seams.policy != SeamPolicy::kAuto || options.atlas.effort == PackEffort::kFast) return share;
-  if (options.atlas.effort == PackEffort::kBest) {
-    return std::max(share, kPackUnit * std::min(tuning.best_per_few * kFewCharts, tuning.least_best_work));
-  }
+  if (options.atlas.effort == PackEffort::kBest) return std::max(share, kPackUnit * tuning.least_best_work / 2);
   const double of_few = std::min(tuning.least_per_few * kFewCharts, tuning.least_work);
   return std::max({share, kPackUnit * of_few, kPackUnit * tuning.least_per_chart * pieces});
 }

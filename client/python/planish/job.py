@@ -37,7 +37,8 @@ class UnwrapOptions:
     #: With `face_atlas`: ``"udim"``, each atlas into tiles of its own, all at one texel density; or ``"stacked"``, all into the same
     #: tiles, as textures of their own, each as large as it fits there.
     atlas_layout: str = "udim"
-    #: What packing may cost: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` half, ``"best"`` a hundred times that.
+    #: What packing may cost: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` a third; ``"best"``, with more charts,
+    #: fifty times the rest, or a minute where that is more.
     effort: str = "normal"
     #: ``"auto"``, ``"uzawa"``, ``"minres"`` or ``"direct"``.
     solver: str = "auto"

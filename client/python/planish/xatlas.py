@@ -84,7 +84,7 @@ class PackOptions(_Options):
     #: One texel more of padding, for bilinear sampling.
     bilinear: bool = True
     blockAlign: bool = False
-    #: The best packing there is, a hundred times slower.
+    #: The best packing there is, with more charts: takes a minute or more.
     bruteForce: bool = False
     create_image: bool = False
     rotate_charts_to_axis: bool = True
