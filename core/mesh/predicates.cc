@@ -81,7 +81,9 @@ int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   const auto is_exact = [](const Vec2& p) { return HasExactProducts(p.x()) && HasExactProducts(p.y()); };
   if (is_exact(a) && is_exact(b) && is_exact(c)) return SignByExpansion(a, b, c);
   const double largest = std::max({a.cwiseAbs().maxCoeff(), b.cwiseAbs().maxCoeff(), c.cwiseAbs().maxCoeff()});
-  const auto scaled = [by = kMostExponent - 1 - std::ilogb(largest)](const Vec2& p) {
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  const auto scaled = [by = kMostExponent - exponent](const Vec2& p) {
     return Vec2(std::ldexp(p.x(), by), std::ldexp(p.y(), by));
   };
   return SignByExpansion(scaled(a), scaled(b), scaled(c));

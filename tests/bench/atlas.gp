@@ -1,13 +1,13 @@
 # gnuplot -e "columns='FILES'; out='FILE.png'" atlas.gp: seconds, charts and packing efficiency of each tool on each mesh.
-set terminal pngcairo size 1200,900 font "sans,10"
+set terminal pngcairo size 1200,1200 font "sans,10"
 set output out
 set style data histograms
 set style histogram clustered gap 1
 set style fill solid noborder
 set boxwidth 0.9
 set grid ytics lt 1 lw 0.5 lc rgb "#cccccc"
-set key top left Left reverse samplen 1
-set xtics noenhanced
+set key outside top right horizontal samplen 1
+set xtics noenhanced rotate by 45 right font ",8"
 set lmargin 10
 set datafile separator tab
 tools = int(system("head -1 '".columns.".charts' | tr -cd '\t' | wc -c"))
