@@ -167,9 +167,8 @@ void AddTiles(CLI::App& app, Arguments& arguments) {
 void AddPacking(CLI::App& app, Arguments& arguments) {
   Choices<Effort>{{Effort::kNormal, Effort::kFast, Effort::kBest}}.AddTo(
       app, "--effort", arguments.options.effort,
-      "What packing may cost: fast, a quarter of the rest; normal, a third; best, with more charts, fifty times the "
-      "rest, "
-      "or a minute where that is more [normal]");
+      "What packing may cost: fast, a quarter of the rest; normal, a third; best, with more charts, fifty times "
+      "the rest, or a minute where that is more [normal]");
   AddTiles(app, arguments);
 }
 

@@ -217,6 +217,7 @@ class Tightener {
     };
     std::array<Lane, kLanes> lanes;
     for (Lane& lane : lanes) lane = {found->back(), found->back().scale, tuning_.first_step};
+    const auto is_anew = [&](std::size_t k) { return k > 0 && lanes[k].in_vain >= tuning_.restart_after; };
     std::int64_t used = growing;
     for (std::uint64_t round = 0; used < options_.work && !execution_.IsCancelled() && !execution_.IsStopRequested();
          ++round) {
@@ -227,7 +228,7 @@ class Tightener {
         RearrangeOptions rearrange = Attempts(options_.work - used);
         rearrange.keeps_least = true;
         rearrange.seed = kLanes * round + k;
-        if (k > 0 && lane.in_vain >= tuning_.restart_after) {
+        if (is_anew(k)) {
           rearrange.swaps = static_cast<int>(4 * charts_.outlines.size());
           lane.record = tuning_.restart_scale * found->back().scale;
           lane.here = {found->back().poses, lane.record};
@@ -242,8 +243,7 @@ class Tightener {
         Lane& lane = lanes[k];
         used += work[k];
         if (results[k]) lane.here = std::move(*results[k]);
-        const bool is_anew = k > 0 && lane.in_vain >= tuning_.restart_after;
-        if (results[k] && (is_anew || lane.here.scale > lane.record)) {
+        if (results[k] && (is_anew(k) || lane.here.scale > lane.record)) {
           lane.record = lane.here.scale;
           lane.in_vain = 0;
         } else {
@@ -251,9 +251,7 @@ class Tightener {
           lane.step =
               lane.step > tuning_.least_step ? std::max(tuning_.least_step, lane.step * 0.6) : tuning_.step_again;
         }
-        if (lane.here.scale > found->back().scale) {
-          found->push_back(lane.here);
-        }
+        if (lane.here.scale > found->back().scale) found->push_back(lane.here);
       }
       if (found->back().scale > lanes[0].record) {
         lanes[0].here = found->back();
