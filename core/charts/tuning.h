@@ -54,7 +54,11 @@ struct AtlasTuning {
   // barrier on the way.
   int newton_steps = 30;
   double max_extent = 1.4;  // diameter of a chart; longer ones hardly fit
-  double whole_area = 0.6;  // of the surface: a chart with more of it may be longer
+  // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
+  // the texture, in three 0.69.
+  double whole_area = 0.6, most_extent = 2;
+  // No chart is cut for its length that is shorter than this times the longest face, which no cut makes shorter.
+  double longer_than_face = 1.5;
 
   // ---- Faces longer than max_extent that no cut shortens (unwrap/long_needles.h). On a mesh of 19,704 faces of which
   // 4,637 are such needles, the texture was used to 1e-4 when all was drawn to one scale.
@@ -63,18 +67,21 @@ struct AtlasTuning {
   double needle_length = 0.5;  // at most, when drawn, in sides of the square that all other faces would fill
   double needle_room = 0.1;    // of the texture that all charts of needles take, padding included, at most
 
-  // ---- Cuts for the packer, by estimates of maps (pack/necks.h).
+  // ---- Cuts for the packer, by estimates of maps (pack/necks.h), and which of them are undone (join_gain).
   // Area of convex hulls saved by a cut, in mean areas of charts, where a stretch of 1.05 is allowed. It grows with the
-  // square of the stretch beyond 1: who allows more stretch wants fewer charts. The six scans of the atlas bench have
-  // 382 charts and fill 0.79 of the texture in the mean; with 0.025 428 charts and 0.80, with 0.0125 462 and 0.80.
-  double hull_gain = 0.05;
+  // square of the stretch beyond 1: who allows more stretch wants fewer charts. And what a cut costs: this times its
+  // length. With cut_width of 0.01 and join_gain of 0.25 the six scans of the atlas bench have 383, 434 and 471 charts
+  // and fill 0.795, 0.799 and 0.802 of the texture in the mean with 0.05, 0.025 and 0.0125. With these they have 423
+  // and fill 0.817, and 18 other meshes have 2,089 charts in place of 2,340 and fill 0.729 in place of 0.693.
+  double hull_gain = 0.003, cut_width = 0.014;
   // Of a chart in the mean, at least, after these cuts: boxes stay boxes. But so many more charts, as a share, in any
   // case.
   double cut_faces = 9, cut_growth = 0.2;
-  double cut_width = 0.01;  // what a cut costs: this times its length
-  // The same with PackEffort::kBest, which makes more charts for more of the texture: koala and boot_g12 have 57 and
-  // 106 charts and fill 0.814 and 0.837 of it with 0.003 and 0.01, 104 and 222 charts and 0.843 and 0.851 with these.
-  double best_hull_gain = 0.001, best_cut_width = 0.002;
+  // Area of convex hulls that joining two charts may cost: this times what a cut must gain there.
+  double join_gain = 0.7;
+  // The same with PackEffort::kBest, which makes more charts for more of the texture: koala and spot have 146 and 86.
+  // Eight meshes fill 0.853 of it in the mean with 4 s for each.
+  double best_hull_gain = 0.0003, best_cut_width = 0.002, best_join_gain = 0.25;
 
   // ---- Charts that are joined by estimates of their maps, and once maps are known (unwrap/joining.cc). With
   // join_faces of 1, 0.5 and 0.25 a surface net of 452,424 faces has 349, 374 and 392 charts, and 469 with 1 and no
@@ -85,7 +92,6 @@ struct AtlasTuning {
   // and 1,311 charts for 397 and 1,257, for 0.92 and 0.97 of the time.
   double join_surface = 1e5;
   double join_estimates = 4;  // the same, of faces whose maps are estimated
-  double join_gain = 0.25;    // area of convex hulls that joining may cost: this times what a cut must gain there
   double join_misfit = 0.1;   // of the two outlines where they are to meet, root mean square over the length
 };
 

@@ -426,7 +426,6 @@ class Packer {
     options.tiles = options_.tiles;
     options.atlases = options_.atlases;
     options.work = work;
-    options.hops = options_.effort == PackEffort::kBest;
     options.tuning = tuning_;
     std::vector<double> relative = Scales(best_.scale);
     for (double& r : relative) r /= best_.scale;

@@ -114,7 +114,7 @@ class Search {
       apart = !any;
       if (apart) break;
       const std::int64_t overlap = Weigh();
-      if (options_.keeps_least && overlap < least) {
+      if (overlap < least) {
         least = overlap;
         best = charts_.poses;
       }

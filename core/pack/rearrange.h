@@ -15,7 +15,6 @@ struct RearrangeOptions : PackRules {
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
   int swaps = 0;                  // pairs of charts of about the same size that change places first
-  bool keeps_least = false;       // ends with the least overlap that was seen, instead of the last
   std::uint64_t seed = 0;
 };
 
@@ -25,8 +24,8 @@ struct RearrangeOptions : PackRules {
 // times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
 // least. Charts that go on overlapping gain weight. Each stays on the tiles of its atlas.
 //
-// Returns whether nothing overlaps any more (but for half a pixel); *poses has what came out last. Adds to *work what
-// it cost, in about nanoseconds, counted in steps of the algorithm.
+// Returns whether nothing overlaps any more (but for half a pixel); *poses has what overlapped least. Adds to *work what it
+// cost, in about nanoseconds, counted in steps of the algorithm.
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
                const std::vector<DistanceField>& fields, const std::vector<double>& scales,
                const RearrangeOptions& options, const Execution& execution, std::vector<Pose>* poses,

@@ -89,7 +89,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
   return found;
 }
 
-// Attempts that are made side by side, whatever the number of threads.
+// Hops that are made side by side, whatever the number of threads.
 constexpr std::size_t kLanes = 2;
 
 class Tightener {
@@ -104,12 +104,18 @@ class Tightener {
         arrangement_(starts.back()) {
     width_ = std::sqrt(options.tiles / static_cast<double>(MostCharts(charts.atlas, options.atlases)));
     relax_ = {options, std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300), 0.0015 * width_};
+    double area = 0, length = 0;
     for (std::size_t i = 0; i < charts.outlines.size(); ++i) {
       const double unit = charts.relative_scales[i] * arrangement_.scale;
+      area += unit * unit * charts.outlines[i].area;
+      for (const auto& [from, to] : charts.simple[i].edges) {
+        length += unit * (charts.simple[i].points[to] - charts.simple[i].points[from]).norm();
+      }
       const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
       const double spacing = std::max(std::min(relax_.spacing, charts.outlines[i].radius * unit / 6), reach / 16);
       fields_.emplace_back(charts.simple[i], spacing / unit, reach / unit);
     }
+    thickness_ = 2 * area / length;
   }
 
   Arrangement Run() {
@@ -128,11 +134,7 @@ class Tightener {
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
     if (charts_.outlines.size() <= tuning_.most_to_rearrange) {
-      if (options_.hops) {
-        SearchByHops(growing, &found);
-      } else {
-        Search(growing, &found);
-      }
+      Search(growing, &found);
     }
     // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
@@ -153,89 +155,40 @@ class Tightener {
     return scales;
   }
 
-  // Adds to *found, which is not empty, what is better. Settling costs about what growing did. One lane begins with the
-  // best arrangement so far each time. The other goes on with what its last attempt left, though charts overlap there,
-  // until that has led nowhere a few times: so it gets away from the best. In both, charts change places first.
-  void Search(std::int64_t growing, std::vector<Arrangement>* found) {
-    const std::int64_t budget = options_.work - growing;
-    std::array<double, kLanes> steps;
-    steps.fill(tuning_.first_step);
-    std::array<int, kLanes> failed = {};
-    std::array<Arrangement, kLanes> from;
-    from.fill(found->back());
-    std::int64_t used = growing;
-    for (std::uint64_t round = 0; used < budget && !execution_.IsCancelled() && !execution_.IsStopRequested();
-         ++round) {
-      std::array<std::optional<Arrangement>, kLanes> results;
-      std::array<std::int64_t, kLanes> work = {};
-      const double best = found->back().scale;
-      const auto run = [&](std::int64_t lane, std::int64_t) {
-        RearrangeOptions rearrange = Attempts(budget - used);
-        rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
-        rearrange.seed = kLanes * round + lane;
-        results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);
-      };
-      execution_.For(kLanes, run, 1);
-      bool better = false;
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        used += work[lane];
-        if (results[lane] && results[lane]->scale > found->back().scale) {
-          found->push_back(*results[lane]);
-          failed[lane] = 0;
-          better = true;
-        } else {
-          ++failed[lane];
-          steps[lane] =
-              steps[lane] > tuning_.least_step ? std::max(tuning_.least_step, steps[lane] * 0.6) : tuning_.step_again;
-        }
-      }
-      if (better || failed[0] > 0) from[0] = found->back();
-      if (better || failed[1] % tuning_.failures == 0) from[1] = found->back();
-      if (better) failed.fill(0);
-    }
-  }
-
-  // Image and moves of an attempt, without swaps.
-  RearrangeOptions Attempts(std::int64_t work) const {
+  // Image and moves of a hop, without swaps.
+  RearrangeOptions OfHop(std::int64_t work) const {
     RearrangeOptions options = {options_};
-    options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
+    options.side = static_cast<int>(std::clamp(
+        std::max(tuning_.pixels_per_chart / width_, tuning_.pixels_per_thickness / thickness_), 112.0, 600.0));
     options.moves = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * std::ssize(charts_.outlines);
     options.work = work;
-    options.slack = tuning_.coarse_slack;
+    options.slack = tuning_.rearranging_slack;
     return options;
   }
 
-  // The same with much more work (TightenOptions::hops): each lane hops from one jammed arrangement to another, and
+  // Adds to *found, which is not empty, what is better. Each lane hops from one jammed arrangement to another, and
   // takes what is at most a little worse than the best it has seen (record-to-record travel, Dueck 1993). The first
-  // lane always knows the best of all. The other begins anew, with all charts shuffled, whenever that has led nowhere.
-  void SearchByHops(std::int64_t growing, std::vector<Arrangement>* found) {
+  // lane always knows the best of all. The other may go farther away from it, and comes back when that has led nowhere.
+  void Search(std::int64_t growing, std::vector<Arrangement>* found) {
     struct Lane {
       Arrangement here;
-      double record;  // the largest scale since it began
+      double record;  // the largest scale since it left the best
       double step;
       int in_vain = 0;  // hops since the record
     };
     std::array<Lane, kLanes> lanes;
-    for (Lane& lane : lanes) lane = {found->back(), found->back().scale, tuning_.first_step};
-    const auto is_anew = [&](std::size_t k) { return k > 0 && lanes[k].in_vain >= tuning_.restart_after; };
+    const auto begin_at_best = [&](Lane* lane) { *lane = {found->back(), found->back().scale, tuning_.first_step}; };
+    for (Lane& lane : lanes) begin_at_best(&lane);
     std::int64_t used = growing;
     for (std::uint64_t round = 0; used < options_.work && !execution_.IsCancelled() && !execution_.IsStopRequested();
          ++round) {
       std::array<std::optional<Arrangement>, kLanes> results;
       std::array<std::int64_t, kLanes> work = {};
       const auto run = [&](std::int64_t k, std::int64_t) {
-        Lane& lane = lanes[k];
-        RearrangeOptions rearrange = Attempts(options_.work - used);
-        rearrange.keeps_least = true;
+        const Lane& lane = lanes[k];
+        RearrangeOptions rearrange = OfHop((options_.work - used) / static_cast<std::int64_t>(kLanes));
         rearrange.seed = kLanes * round + k;
-        if (is_anew(k)) {
-          rearrange.swaps = static_cast<int>(4 * charts_.outlines.size());
-          lane.record = tuning_.restart_scale * found->back().scale;
-          lane.here = {found->back().poses, lane.record};
-          lane.step = tuning_.first_step;
-        } else {
-          rearrange.swaps = static_cast<int>(round % (tuning_.most_swaps + 1));
-        }
+        rearrange.swaps = static_cast<int>(round % (tuning_.most_swaps + 1));
         results[k] = Hop(lane.here, lane.record * (1 - tuning_.hop_down[k]), 1 + lane.step, rearrange, &work[k]);
       };
       execution_.For(kLanes, run, 1);
@@ -243,7 +196,7 @@ class Tightener {
         Lane& lane = lanes[k];
         used += work[k];
         if (results[k]) lane.here = std::move(*results[k]);
-        if (results[k] && (is_anew(k) || lane.here.scale > lane.record)) {
+        if (results[k] && lane.here.scale > lane.record) {
           lane.record = lane.here.scale;
           lane.in_vain = 0;
         } else {
@@ -258,6 +211,7 @@ class Tightener {
         lanes[0].record = found->back().scale;
         lanes[0].in_vain = 0;
       }
+      if (lanes[1].in_vain >= tuning_.hops_away) begin_at_best(&lanes[1]);
     }
   }
 
@@ -275,43 +229,6 @@ class Tightener {
       relaxer.Grow(20, left());
       relaxer.Grow(tuning_.finest_patience, left(), 1 + tuning_.finest_growth);
     }
-    *work += relaxer.work();
-    if (!apart) return std::nullopt;
-    return Arrangement{relaxer.poses(), relaxer.scale()};
-  }
-
-  // Nothing if charts cannot be brought apart at this scale, or one above least_scale. from->poses, at any scale,
-  // become what is left.
-  std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
-                                     Arrangement* from, std::int64_t* work) const {
-    from->scale = scale;
-    // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
-    RearrangeOptions fine = coarse;
-    fine.side = std::min(2 * coarse.side, tuning_.finest_side);
-    fine.slack = tuning_.fine_slack;
-    fine.swaps = 0;
-    fine.moves = coarse.moves / 2;
-    for (const RearrangeOptions& options : {coarse, fine}) {
-      if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), options, execution_, &from->poses, work))
-        break;
-      if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
-    }
-    return std::nullopt;
-  }
-
-  // At the scale of `arrangement`, or a smaller one above least_scale. Nothing if that fails; arrangement.poses then
-  // are as far apart as they got at its scale. Adds to *work what it took, about `most_work` at most.
-  std::optional<Arrangement> SeparateAndGrow(Arrangement& arrangement, double least_scale, std::int64_t most_work,
-                                             std::int64_t* work) const {
-    Relaxer relaxer = MakeRelaxer(arrangement);
-    const auto left = [&] { return most_work - relaxer.work(); };
-    bool apart = relaxer.Separate(tuning_.separating_steps, left());
-    arrangement.poses = relaxer.poses();
-    for (double scale = arrangement.scale; !apart && left() > 0 && (scale *= tuning_.back_off) > least_scale;) {
-      relaxer.set_scale(scale);
-      apart = relaxer.Separate(tuning_.separating_steps, left());
-    }
-    if (apart) relaxer.Grow(20, left());
     *work += relaxer.work();
     if (!apart) return std::nullopt;
     return Arrangement{relaxer.poses(), relaxer.scale()};
@@ -354,6 +271,7 @@ class Tightener {
   const std::vector<Arrangement>& starts_;
   Arrangement arrangement_;  // the best that keeps the distances exactly
   double width_;             // of an average chart of the atlas with the most charts
+  double thickness_;         // of a chart on average: the width of a strip, half of the side of a square
   RelaxOptions relax_;
   std::vector<DistanceField> fields_;
 };

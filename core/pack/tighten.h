@@ -13,7 +13,6 @@ namespace planish {
 
 struct TightenOptions : PackRules {
   std::int64_t work = 0;  // about what may be spent: nanoseconds, counted in steps of the algorithms
-  bool hops = false;      // searches in the way that leads farther, given work for hundreds of attempts
   PackTuning tuning;
 };
 

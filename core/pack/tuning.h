@@ -14,12 +14,10 @@ struct PackTuning {
   // charts, where it was 10,000 to 40,000 a face; on generated meshes of 450,000 to 1,500,000 faces 10,000 to 15,000.
   double rest_per_face = 13'000, rest_per_chart = 50'000;
   // Faces up to which all count. Of more faces work grows with the fourth root (not with PackEffort::kBest): it gains
-  // little there. Four generated meshes of 444,000, 573,000, 886,000 and 1,147,000 faces, of 404 to 1,539 charts, fill
-  // 0.650, 0.605, 0.632 and 0.599 of the texture; with the square root 0.650, 0.609, 0.650 and 0.617, for 1.13 times
-  // the time of the whole unwrap of the first and 1.18 of the third. Of six of 60,000 to 220,000 faces that of most
-  // charts fills, with the square root, 0.648, 0.648 and 0.615 with 200,000, 100,000 and 50,000, the others differ
-  // little.
-  double full_work_faces = 100'000;
+  // little there. Four nets of 444,000, 573,000, 173,000 and 507,000 faces fill 0.653, 0.595, 0.738 and 0.667 of the
+  // texture with 100,000 and 0.649, 0.594, 0.738 and 0.665 with 60,000, for 0.96 of the time of the whole unwrap. With
+  // the square root nets of 886,000 and 1,147,000 faces filled 0.02 more, for up to 1.18 times the time.
+  double full_work_faces = 60'000;
   // Of the rest. Of normal_share 0.3, 0.35 and 0.4 forty shared meshes fill 0.6977, 0.7007 and 0.7005 of the texture in
   // the mean.
   double fast_share = 0.25, normal_share = 0.35, best_share = 50;
@@ -60,30 +58,25 @@ struct PackTuning {
   // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.
   double tighten_per_chart = 200'000;
   // Relative growth that is tried first, the least that is tried, and what is tried after that was too much, since
-  // other places may lead farther.
-  double first_step = 0.03, least_step = 0.003, step_again = 0.02;
-  // Moves of single charts in an attempt: many small attempts that fail early lead farther than a few thorough ones.
-  std::int64_t moves_at_once = 300, moves_at_once_per_chart = 3;
+  // other places may lead farther. 21 meshes of 6 to 634 charts fill, at four paddings, 0.738, 0.740, 0.740 and 0.739
+  // of the texture in the mean with a first step of 0.03, 0.045, 0.06 and 0.09.
+  double first_step = 0.045, least_step = 0.003, step_again = 0.02;
+  // Moves of single charts in a hop: many small hops lead farther than a few thorough ones.
+  std::int64_t moves_at_once = 100, moves_at_once_per_chart = 1;
   // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
   std::size_t most_to_rearrange = 1000;
-  // Pairs of charts that change places before an attempt, at most, and attempts in vain from one another's remains.
-  int most_swaps = 3, failures = 8;
-  // PackEffort::kBest. By how much of the record a hop of either lane may lead down (spot, barramundi, human_neutral
-  // and boot_g12 fill 0.807 of the texture in the mean with 0.003 and 0.01, 0.815 with these, 0.811 with 0 and 0.002,
-  // in 6 s each: one run each, and seeds differ by 0.005); hops in vain after which the second lane begins anew
-  // (human_neutral and barramundi fill 0.829 and 0.848 in 18 s, 0.829 and 0.835 without), at so much of the largest
-  // scale; growth and patience, in steps, at the end of a hop.
+  int most_swaps = 3;  // pairs of charts that change places before a hop, at most
+  // By how much of its record a hop of either lane may lead down (0.740 of the texture on those meshes; with 0 and
+  // 0.002 0.739, with 0.002 and 0.02 0.739), and hops in vain after which the second lane goes back to the best.
   std::array<double, 2> hop_down = {0.001, 0.005};
-  int restart_after = 100;
-  double restart_scale = 0.97;
+  int hops_away = 2;
+  // Growth and patience, in steps, at the end of a hop.
   double finest_growth = 0.0005;
-  int finest_patience = 120;
-  // Pixels along an average chart, and by how many of them charts may overlap, at first and on the finer image.
-  double pixels_per_chart = 20, coarse_slack = 1, fine_slack = 0.4;
-  int finest_side = 1200;  // pixels of a tile
-  // Steps in which charts come apart or count as jammed; the factor for the scale where they do not come apart.
-  int separating_steps = 60;
-  double back_off = 0.995;
+  int finest_patience = 60;
+  // Pixels along an average chart and, where that is more, across the thickness of one: where thin charts cross, coarse
+  // pixels do not show it. And by how many of them charts may overlap.
+  double pixels_per_chart = 20, pixels_per_thickness = 2, rearranging_slack = 1;
+  int separating_steps = 60;  // in which charts come apart or count as jammed
   // Shares of the work that the first growth and the settling at the end may take, and rounds of the latter. Other
   // arrangements grow, too, while less than others_share is done: with 0.4 nine generated meshes of 14 to 1,025 charts
   // fill 0.709 of the texture in the mean, with 0.1 0.717, and the shared meshes the same.

@@ -241,7 +241,10 @@ class Joining {
   }
 
   // Of convex hulls, for the packer.
-  double MostCost(double length) const { return tuning_.join_gain * (necks_.least_gain + necks_.width * length); }
+  double MostCost(double length) const {
+    const double share = job_.options.atlas.effort == PackEffort::kBest ? tuning_.best_join_gain : tuning_.join_gain;
+    return share * (necks_.least_gain + necks_.width * length);
+  }
 
   absl::StatusOr<bool> Round() {
     if (job_.execution.IsStopRequested()) return false;

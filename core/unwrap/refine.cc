@@ -201,9 +201,8 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
-  // No cut makes a face shorter: others as long as the longest one need no cut either.
-  const double most_extent = std::max(tuning.max_extent * std::sqrt(whole), longest);
-  const bool is_long = area < tuning.whole_area * whole && extent > most_extent;
+  const double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
+  const bool is_long = extent > std::max(most_extent * std::sqrt(whole), tuning.longer_than_face * longest);
   return stretch > tuning.stretch_slack * seams.max_stretch || (job.options.pack && is_long);
 }
 

@@ -71,7 +71,7 @@ int Main(int argc, char** argv) {
   app.add_option("--moves-at-once", tuning.moves_at_once);
   app.add_option("--moves-at-once-per-chart", tuning.moves_at_once_per_chart);
   app.add_option("--pixels-per-chart", tuning.pixels_per_chart);
-  app.add_option("--restart-after", tuning.restart_after);
+  app.add_option("--hops-away", tuning.hops_away);
   app.add_option("--growing-share", tuning.growing_share);
   app.add_option("--settling-share", tuning.settling_share);
   app.add_option("--fewest-orders", tuning.fewest_orders);

@@ -226,13 +226,11 @@ TEST(Pack, GivesTheSameForAnyNumberOfThreads) {
   }
 }
 
-// Long enough for the second lane to begin anew.
 TEST(Pack, BestKeepsThePaddingOnAnyNumberOfThreads) {
   const std::vector<PackChart> charts = Charts("mixed-12");
   PackOptions options;
   options.effort = PackEffort::kBest;
   options.tuning.least_best_work = 2e9;
-  options.tuning.restart_after = 5;
   const Packing alone = Pack(charts, options);
   EXPECT_GE(LeastDistance(Place(charts, alone), 3.0 / 1024) * 1024, options.padding);
   ThreadTeam team(2);
