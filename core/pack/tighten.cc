@@ -158,11 +158,10 @@ class Tightener {
   // Image and moves of a hop, without swaps.
   RearrangeOptions OfHop(std::int64_t work) const {
     RearrangeOptions options = {options_};
-    options.side = static_cast<int>(std::clamp(
-        std::max(tuning_.pixels_per_chart / width_, tuning_.pixels_per_thickness / thickness_), 112.0, 600.0));
+    options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
     options.moves = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * std::ssize(charts_.outlines);
     options.work = work;
-    options.slack = tuning_.rearranging_slack;
+    options.slack = std::min(tuning_.rearranging_slack, tuning_.slack_of_thickness * thickness_ * options.side);
     return options;
   }
 

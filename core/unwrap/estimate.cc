@@ -71,10 +71,7 @@ double Pieces(double faces, double vertices) {
 }
 
 // What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
-// Two charts take a third of that, ten and more one and a half times as much. Of 15,935 meshes of families on a machine
-// of half the speed assumed here 1.1 % took more than three times their estimate and 4.7 % less than a third; with 5
-// charts 3.4 % and 4.1 %, with 10 0.6 % and 6.2 %.
-constexpr double kFewCharts = 7;
+constexpr double kFewCharts = 10;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
