@@ -57,7 +57,7 @@ struct AtlasTuning {
   // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
   // the texture, in three 0.69.
   double whole_area = 0.6, most_extent = 2;
-  // No chart is cut for its length that is shorter than this times the longest face, which no cut makes shorter.
+  // A chart is too long only from this times the length of the longest face on, since no cut makes that face shorter.
   double longer_than_face = 1.5;
 
   // ---- Faces longer than max_extent that no cut shortens (unwrap/long_needles.h). On a mesh of 19,704 faces of which
@@ -67,7 +67,7 @@ struct AtlasTuning {
   double needle_length = 0.5;  // at most, when drawn, in sides of the square that all other faces would fill
   double needle_room = 0.1;    // of the texture that all charts of needles take, padding included, at most
 
-  // ---- Cuts for the packer, by estimates of maps (pack/necks.h), and which of them are undone (join_gain).
+  // ---- Cuts for the packer, by estimates of maps (pack/necks.h), and joints that undo some of them.
   // Area of convex hulls saved by a cut, in mean areas of charts, where a stretch of 1.05 is allowed. It grows with the
   // square of the stretch beyond 1: who allows more stretch wants fewer charts. And what a cut costs: this times its
   // length. With cut_width of 0.01 and join_gain of 0.25 the six scans of the atlas bench have 383, 434 and 471 charts

@@ -24,8 +24,8 @@ struct RearrangeOptions : PackRules {
 // times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
 // least. Charts that go on overlapping gain weight. Each stays on the tiles of its atlas.
 //
-// Returns whether nothing overlaps any more (but for half a pixel); *poses has what overlapped least. Adds to *work what it
-// cost, in about nanoseconds, counted in steps of the algorithm.
+// Returns whether nothing overlaps any more (but for half a pixel); *poses has what overlapped least. Adds to *work
+// what it cost, in about nanoseconds, counted in steps of the algorithm.
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
                const std::vector<DistanceField>& fields, const std::vector<double>& scales,
                const RearrangeOptions& options, const Execution& execution, std::vector<Pose>* poses,

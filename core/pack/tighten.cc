@@ -133,9 +133,7 @@ class Tightener {
     }
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
-    if (charts_.outlines.size() <= tuning_.most_to_rearrange) {
-      Search(growing, &found);
-    }
+    if (charts_.outlines.size() <= tuning_.most_to_rearrange) Search(growing, &found);
     // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
     return arrangement_;

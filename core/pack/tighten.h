@@ -30,9 +30,10 @@ struct Arrangement {
 };
 
 // Lets the charts grow until they are jammed (relax.h), from each of `starts`, and goes on from the best: scales up by
-// some percent, lets charts find new places until they are apart (rearrange.h), lets them grow again, and so on until
-// the work is spent. All of `starts` must keep the distances, each at a scale at least that of the one before; what
-// comes out keeps them exactly (FindTooNear() in tighten.cc) at the scale of the last or a larger one.
+// some percent, lets charts find places where they overlap less (rearrange.h), shrinks them until they can be pushed
+// apart, lets them grow again, and so on until the work is spent. All of `starts` must keep the distances, each at a
+// scale at least that of the one before; what comes out keeps them exactly (FindTooNear() in tighten.cc) at the scale
+// of the last or a larger one.
 Arrangement Tighten(const TightenCharts& charts, const TightenOptions& options, const Execution& execution,
                     const std::vector<Arrangement>& starts);
 
