@@ -49,7 +49,6 @@ struct AtlasTuning {
 
   // ---- Cuts by estimates of maps, and once maps are known (unwrap/refine.cc). Lengths in sides of the square that all
   // charts would fill.
-  double stretch_slack = 1.01;  // of max_stretch: an estimate is not a map
   // Steps of Newton's method, at most: a chart that takes more is cut. Others take 5 to 8 of them, and up to 20 with a
   // barrier on the way.
   int newton_steps = 30;

@@ -1,6 +1,7 @@
 #include "core/pack/necks.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <queue>
@@ -122,24 +123,20 @@ bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
   return true;
 }
 
-// Per point of a polygon: the area between the polygon and its hull in the pocket that the point is in; 0 at the
-// corners of the hull.
-std::vector<double> PocketAreas(const std::vector<Vec2>& polygon, const GrowingHull& hull) {
+// Per point of a polygon: the corners of its hull before and after it, both the point itself if it is a corner.
+std::vector<std::array<std::size_t, 2>> CornersAround(const std::vector<Vec2>& polygon, const GrowingHull& hull) {
   const std::size_t n = polygon.size();
   std::vector<std::size_t> corners;
   for (std::size_t i = 0; i < n; ++i) {
     if (hull.HasCorner(polygon[i])) corners.push_back(i);
   }
-  std::vector<double> areas(n, 0.0);
+  std::vector<std::array<std::size_t, 2>> around(n);
   for (std::size_t c = 0; c < corners.size(); ++c) {
     const std::size_t first = corners[c], end = c + 1 < corners.size() ? corners[c + 1] : corners[0] + n;
-    double doubled = 0;
-    for (std::size_t i = first + 1; i < end; ++i) {
-      doubled += DoubleArea(polygon[first], polygon[i % n], polygon[(i + 1) % n]);
-    }
-    for (std::size_t i = first + 1; i < end; ++i) areas[i % n] = std::abs(doubled) / 2;
+    around[first] = {first, first};
+    for (std::size_t i = first + 1; i < end; ++i) around[i % n] = {first, end % n};
   }
-  return areas;
+  return around;
 }
 
 // Where to cut a part, by indices into the part; from -1 if that gains too little.
@@ -158,9 +155,23 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
   }
   const double whole = all.Area();
   if (!(whole - area > options.least_gain)) return {};  // no cut can gain more
-  // A cut opens the pockets of its two ends, and gains no more than these have. From points in pockets hulls grow
-  // either way round: forth[i][k] is that of the k + 1 points from i on, back[i][k] that of those up to i.
-  const std::vector<double> pocket = PocketAreas(polygon, all);
+  // The hull of a part holds the corners of the whole hull on its side, and the two ends of the cut. So a cut gains no
+  // more than the triangles between its ends and the corners round these; from one pocket to itself, what it cuts off.
+  const std::vector<std::array<std::size_t, 2>> around = CornersAround(polygon, all);
+  std::vector<double> pocket;
+  for (std::size_t i = 0; i < n; ++i) {
+    pocket.push_back(std::abs(DoubleArea(polygon[around[i][0]], polygon[i], polygon[around[i][1]])) / 2);
+  }
+  const auto most_gain = [&](std::size_t i, std::size_t j) {
+    const double cost = options.width * (polygon[j] - polygon[i]).norm();
+    if (around[i] != around[j]) return pocket[i] + pocket[j] - cost;
+    const auto [before, after] = around[i];
+    const bool is_i_first = (i + n - before) % n < (j + n - before) % n;
+    const Vec2 &p = polygon[is_i_first ? i : j], &q = polygon[is_i_first ? j : i];
+    return std::abs(DoubleArea(polygon[before], p, q) + DoubleArea(polygon[before], q, polygon[after])) / 2 - cost;
+  };
+  // From points in pockets hulls grow either way round: forth[i][k] is that of the k + 1 points from i on, back[i][k]
+  // that of those up to i.
   std::vector<std::vector<double>> forth(n), back(n);
   GrowingHull growing;
   const auto grow_from = [&](std::size_t i) {
@@ -177,19 +188,29 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
       }
     }
   };
-  Neck best;
-  best.gain = options.least_gain;
+  struct Candidate {
+    double most_gain;
+    std::size_t i, j;
+    bool operator<(const Candidate& o) const { return most_gain > o.most_gain; }
+  };
+  std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 2; j < n && j + 1 < n + i; ++j) {
-      const double cost = options.width * (polygon[j] - polygon[i]).norm();
-      if (!(pocket[i] + pocket[j] - cost > best.gain)) continue;
-      const std::size_t inner = j - i, outer = n - inner;
-      const bool from_i = pocket[i] >= pocket[j];
-      grow_from(from_i ? i : j);
-      const double hulls = from_i ? forth[i][inner] + back[i][outer] : forth[j][outer] + back[j][inner];
-      const double gain = whole - hulls - cost;
-      if (gain > best.gain && IsInside(polygon, i, j)) best = {chosen[i], chosen[j], gain};
+      const double most = most_gain(i, j);
+      if (most > options.least_gain) candidates.push_back({most, i, j});
     }
+  }
+  std::stable_sort(candidates.begin(), candidates.end());
+  Neck best;
+  best.gain = options.least_gain;
+  for (const auto& [most, i, j] : candidates) {
+    if (!(most > best.gain)) break;
+    const std::size_t inner = j - i, outer = n - inner;
+    const bool from_i = pocket[i] >= pocket[j];
+    grow_from(from_i ? i : j);
+    const double hulls = from_i ? forth[i][inner] + back[i][outer] : forth[j][outer] + back[j][inner];
+    const double gain = whole - hulls - options.width * (polygon[j] - polygon[i]).norm();
+    if (gain > best.gain && IsInside(polygon, i, j)) best = {chosen[i], chosen[j], gain};
   }
   return best;
 }

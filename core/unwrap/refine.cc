@@ -203,7 +203,7 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
   const double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
   const bool is_long = extent > std::max(most_extent * std::sqrt(whole), tuning.longer_than_face * longest);
-  return stretch > tuning.stretch_slack * seams.max_stretch || (job.options.pack && is_long);
+  return stretch > seams.max_stretch || (job.options.pack && is_long);
 }
 
 // Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.

@@ -170,7 +170,7 @@ struct Atlas {
 absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts);
 
 // How far above SeamOptions::max_stretch a chart may come as delivered before more is cut, or said, about it.
-inline constexpr double kStretchTolerance = 1.02;
+inline constexpr double kStretchTolerance = 1.001;
 
 // The UV in the type in which they are delivered, and their faults.
 struct Delivery {
