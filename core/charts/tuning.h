@@ -6,6 +6,17 @@
 
 namespace planish {
 
+// Where charts are cut, and joined again, for the packer's sake. Areas are those of convex hulls.
+struct PackerCuts {
+  // Area saved by a cut, at least, in mean areas of charts, where a stretch of 1.05 is allowed. It grows with the square
+  // of the stretch beyond 1: who allows more stretch wants fewer charts.
+  double hull_gain;
+  // What a cut costs: a strip along it so wide, in sides of the square that all charts would fill.
+  double cut_width;
+  // Area that joining two charts may cost: this times what a cut must gain there.
+  double join_gain;
+};
+
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
@@ -67,29 +78,24 @@ struct AtlasTuning {
   double needle_room = 0.1;    // of the texture that all charts of needles take, padding included, at most
 
   // ---- Cuts for the packer, by estimates of maps (pack/necks.h), and joints that undo some of them.
-  // Area of convex hulls saved by a cut, in mean areas of charts, where a stretch of 1.05 is allowed. It grows with the
-  // square of the stretch beyond 1: who allows more stretch wants fewer charts. And what a cut costs: this times its
-  // length. With cut_width of 0.01 and join_gain of 0.25 the six scans of the atlas bench have 383, 434 and 471 charts
-  // and fill 0.795, 0.799 and 0.802 of the texture in the mean with 0.05, 0.025 and 0.0125. With these they have 423
-  // and fill 0.817, and 18 other meshes have 2,089 charts in place of 2,340 and fill 0.729 in place of 0.693.
-  double hull_gain = 0.003, cut_width = 0.014;
+  // With cut_width of 0.01 and join_gain of 0.25 the six scans of the atlas bench have 383, 434 and 471 charts and fill
+  // 0.795, 0.799 and 0.802 of the texture in the mean with a hull_gain of 0.05, 0.025 and 0.0125. With the numbers below
+  // they had 423 and filled 0.817, and 18 other meshes had 2,089 charts in place of 2,340 and filled 0.729 in place of
+  // 0.693. The second set, of PackEffort::kBest, makes more charts for more of the texture: koala and spot have 146 and
+  // 86, and eight meshes fill 0.853 of it in the mean with 4 s for each.
+  PackerCuts packer_cuts = {0.003, 0.014, 0.7}, best_packer_cuts = {0.0003, 0.002, 0.25};
   // Of a chart in the mean, at least, after these cuts: boxes stay boxes. But so many more charts, as a share, in any
   // case.
   double cut_faces = 9, cut_growth = 0.2;
-  // Area of convex hulls that joining two charts may cost: this times what a cut must gain there.
-  double join_gain = 0.7;
-  // The same with PackEffort::kBest, which makes more charts for more of the texture: koala and spot have 146 and 86.
-  // Eight meshes fill 0.853 of it in the mean with 4 s for each.
-  double best_hull_gain = 0.0003, best_cut_width = 0.002, best_join_gain = 0.25;
 
   // ---- Charts that are joined by estimates of their maps, and once maps are known (unwrap/joining.cc). With
   // join_faces of 1, 0.5 and 0.25 a surface net of 452,424 faces has 349, 374 and 392 charts, and 469 with 1 and no
   // estimates.
   int join_rounds = 12;     // at most
   double join_faces = 0.5;  // faces that are solved again, at most: this times those of the surface
-  // Faces of a surface beyond which their number grows with the square root. Nets of 444,216 and 573,048 faces have 403
-  // and 1,311 charts for 397 and 1,257, for 0.92 and 0.97 of the time.
-  double join_surface = 1e5;
+  // But no more than so many, since large surfaces gain little: nets of 444,216 and 573,048 faces have 410 and 1,141
+  // charts; 387 and 1,103 where the number grows with the square root from 50,000 on, for 1.05 of the time.
+  double most_join_faces = 5e4;
   double join_estimates = 4;  // the same, of faces whose maps are estimated
   double join_misfit = 0.1;   // of the two outlines where they are to meet, root mean square over the length
 };

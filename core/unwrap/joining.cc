@@ -164,7 +164,7 @@ class EstimatedMaps {
 template <class Maps>
 class Joining {
  public:
-  // `work`: how many faces may be mapped again, per face of the surface.
+  // `work`: how many faces may be mapped again.
   Joining(Job* job, Charts* charts, Maps maps, double work)
       : job_(*job),
         maps_(std::move(maps)),
@@ -174,7 +174,7 @@ class Joining {
         tuning_(job->options.tuning),
         place_(surface_.mesh->n_halfedges()),
         shapes_(segmentation_.charts().size()),
-        left_(work * surface_.num_faces()) {
+        left_(work) {
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
   }
 
@@ -242,8 +242,7 @@ class Joining {
 
   // Of convex hulls, for the packer.
   double MostCost(double length) const {
-    const double share = job_.options.atlas.effort == PackEffort::kBest ? tuning_.best_join_gain : tuning_.join_gain;
-    return share * (necks_.least_gain + necks_.width * length);
+    return PackerCutsFor(job_.options).join_gain * (necks_.least_gain + necks_.width * length);
   }
 
   absl::StatusOr<bool> Round() {
@@ -331,13 +330,14 @@ absl::Status JoinCharts(Job* job, Charts* charts) {
   const bool may_join = job->options.seams.policy == SeamPolicy::kAuto && charts->count() > 1;
   if (!may_join || job->execution.IsStopRequested()) return absl::OkStatus();
   const AtlasTuning& tuning = job->options.tuning;
-  const double work = tuning.join_faces * std::min(1.0, std::sqrt(tuning.join_surface / charts->surface->num_faces()));
+  const double work = std::min(tuning.join_faces * charts->surface->num_faces(), tuning.most_join_faces);
   return Joining(job, charts, SolvedMaps(job, charts), work).Run();
 }
 
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts) {
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates), job->options.tuning.join_estimates).Run();
+  const double work = job->options.tuning.join_estimates * charts->surface->num_faces();
+  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates), work).Run();
 }
 
 }  // namespace planish

@@ -261,15 +261,18 @@ absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* 
   return job.execution.IsCancelled() ? absl::CancelledError("cancelled") : absl::OkStatus();
 }
 
-NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
+const PackerCuts& PackerCutsFor(const UnwrapOptions& options) {
   const AtlasTuning& tuning = options.tuning;
+  return options.atlas.effort == PackEffort::kBest ? tuning.best_packer_cuts : tuning.packer_cuts;
+}
+
+NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
   const double allowed = (options.seams.max_stretch - 1) / 0.05;
-  const bool is_best = options.atlas.effort == PackEffort::kBest;
-  const double gain = is_best ? tuning.best_hull_gain : tuning.hull_gain;
-  const double width = is_best ? tuning.best_cut_width : tuning.cut_width;
-  return {gain * allowed * allowed * charts.drawn_area / count, width * std::sqrt(charts.drawn_area)};
+  const PackerCuts& cuts = PackerCutsFor(options);
+  return {cuts.hull_gain * allowed * allowed * charts.drawn_area / count,
+          cuts.cut_width * std::sqrt(charts.drawn_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {

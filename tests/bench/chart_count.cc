@@ -29,12 +29,12 @@ int Main(int argc, char** argv) {
   app.add_option("--estimate-reach", tuning.estimate_reach);
   app.add_option("--estimate-growth", tuning.estimate_growth);
   app.add_option("--outline-growth", tuning.outline_growth);
-  app.add_option("--hull-gain", tuning.hull_gain);
+  app.add_option("--hull-gain", tuning.packer_cuts.hull_gain);
   app.add_option("--cut-faces", tuning.cut_faces);
-  app.add_option("--cut-width", tuning.cut_width);
+  app.add_option("--cut-width", tuning.packer_cuts.cut_width);
   app.add_option("--join-rounds", tuning.join_rounds);
   app.add_option("--join-faces", tuning.join_faces);
-  app.add_option("--join-gain", tuning.join_gain);
+  app.add_option("--join-gain", tuning.packer_cuts.join_gain);
   app.add_option("--join-misfit", tuning.join_misfit);
   app.add_option("meshes", specs)->required();
   CLI11_PARSE(app, argc, argv);
