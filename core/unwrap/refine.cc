@@ -271,8 +271,8 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
   const double allowed = (options.seams.max_stretch - 1) / 0.05;
   const PackerCuts& cuts = PackerCutsFor(options);
-  return {cuts.hull_gain * allowed * allowed * charts.drawn_area / count,
-          cuts.cut_width * std::sqrt(charts.drawn_area)};
+  const double gain = cuts.hull_gain + cuts.few_hull_gain / count;
+  return {gain * allowed * allowed * charts.drawn_area / count, cuts.cut_width * std::sqrt(charts.drawn_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
