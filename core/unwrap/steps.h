@@ -139,7 +139,7 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
 // The same of an estimate of chart i of the segmentation.
 bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate);
 
-// Those of the tuning that belong to the effort of packing.
+// The numbers of the tuning for the effort with which the job packs.
 const PackerCuts& PackerCutsFor(const UnwrapOptions& options);
 
 // What a cut at a neck must gain for the packer.

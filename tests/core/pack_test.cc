@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "core/base/thread_team.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/board.h"
@@ -212,6 +214,64 @@ TEST(FindNecks, CutsInsideOfAnOutlineOnly) {
     const Vec2 middle = (outline[i] + outline[j]) / 2;
     EXPECT_FALSE(middle.x() > 2 && middle.x() < 4 && middle.y() > 2) << middle.transpose();
   }
+}
+
+double HullArea(const std::vector<Vec2>& points) {
+  const std::vector<Vec2> hull = ConvexHull(points);
+  double doubled = 0;
+  for (std::size_t i = 2; i < hull.size(); ++i) doubled += DoubleArea(hull[0], hull[i - 1], hull[i]);
+  return doubled / 2;
+}
+
+// Points in every direction from the origin, at random distances.
+std::vector<Vec2> Star(int n, testing::Dice* dice) {
+  std::vector<Vec2> outline;
+  for (int i = 0; i < n; ++i) {
+    const double angle = 2 * std::numbers::pi * (i + dice->In(0.1, 0.9)) / n;
+    outline.push_back(dice->In(0.2, 1) * Vec2(std::cos(angle), std::sin(angle)));
+  }
+  return outline;
+}
+
+// Whether the segment between points i and j of a star lies inside.
+bool IsInsideStar(const std::vector<Vec2>& star, std::size_t i, std::size_t j) {
+  const Vec2 middle = (star[i] + star[j]) / 2;
+  for (std::size_t k = 0; k < star.size(); ++k) {
+    const std::size_t next = (k + 1) % star.size();
+    const Vec2 &a = star[k], &b = star[next];
+    const bool is_in_sector = Orientation(Vec2(0, 0), a, middle) > 0 && Orientation(Vec2(0, 0), middle, b) > 0;
+    if (is_in_sector && Orientation(a, b, middle) <= 0) return false;
+    const bool has_end = k == i || k == j || next == i || next == j;
+    if (!has_end && SegmentsMeet(star[i], star[j], a, b)) return false;
+  }
+  return true;
+}
+
+TEST(FindNecks, FindsTheCutThatGainsMost) {
+  testing::Dice dice(7);
+  int cut = 0;
+  for (int round = 0; round < 300; ++round) {
+    const std::vector<Vec2> star = Star(5 + dice.Below(25), &dice);
+    const NeckOptions options = {dice.In(0.001, 0.1), dice.In(0, 0.05)};
+    double most = 0;
+    for (std::size_t i = 0; i < star.size(); ++i) {
+      for (std::size_t j = i + 2; j < star.size() && j + 1 < star.size() + i; ++j) {
+        if (!IsInsideStar(star, i, j)) continue;
+        const auto from = star.begin() + static_cast<std::ptrdiff_t>(i),
+                   to = star.begin() + static_cast<std::ptrdiff_t>(j);
+        std::vector<Vec2> outer(star.begin(), from + 1);
+        outer.insert(outer.end(), to, star.end());
+        const double cost = options.width * (star[i] - star[j]).norm();
+        most = std::max(most, HullArea(star) - HullArea({from, to + 1}) - HullArea(outer) - cost);
+      }
+    }
+    const std::vector<Neck> necks = FindNecks(star, options);
+    ASSERT_EQ(necks.empty(), most <= options.least_gain) << round;
+    if (necks.empty()) continue;
+    EXPECT_NEAR(necks[0].gain, most, 1e-12) << round;
+    ++cut;
+  }
+  EXPECT_GT(cut, 200);
 }
 
 TEST(Pack, GivesTheSameForAnyNumberOfThreads) {
