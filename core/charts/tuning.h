@@ -98,11 +98,11 @@ struct AtlasTuning {
   // estimates.
   int join_rounds = 12;     // at most
   double join_faces = 0.5;  // faces that are solved again, at most: this times those of the surface
-  // But no more than so many, since large surfaces gain little. Nets of 444,216 and 573,048 faces had 410 and 1,158
-  // charts, and 387 and 1,103 where the number grew with the square root from 50,000 on: then joining took 0.058 of the
-  // time of the first, with this 0.032.
+  // But no more than so many, since large surfaces gain little. When the number grew with the square root from 50,000
+  // on, nets of 444,216 and 573,048 faces had 387 and 1,103 charts, now 410 and 1,158. Joining took 0.058 of the time
+  // of the first then, and takes 0.032.
   double most_join_faces = 5e4;
-  double join_estimates = 4;  // the same, of faces whose maps are estimated
+  double join_estimates = 4;  // faces whose maps are estimated again, at most: this times those of the surface
   double join_misfit = 0.1;   // of the two outlines where they are to meet, root mean square over the length
 };
 

@@ -10,6 +10,7 @@
 #include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/predicates.h"
+#include "core/pack/outline.h"
 
 namespace planish {
 namespace {
@@ -148,13 +149,9 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
   polygon.reserve(n);
   for (const std::int32_t i : chosen) polygon.push_back(outline[part[i]]);
   GrowingHull all;
-  double area = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    all.Add(polygon[i]);
-    if (i > 1) area += DoubleArea(polygon[0], polygon[i - 1], polygon[i]) / 2;
-  }
+  for (const Vec2& p : polygon) all.Add(p);
   const double whole = all.Area();
-  if (!(whole - area > options.least_gain)) return {};  // no cut can gain more
+  if (!(whole - AreaWithin(polygon) > options.least_gain)) return {};  // no cut can gain more
   // The hull of a part holds the corners of the whole hull on its side, and the two ends of the cut. So a cut gains no
   // more than the triangles between its ends and the corners round these; from one pocket to itself, what it cuts off.
   const std::vector<std::array<std::size_t, 2>> around = CornersAround(polygon, all);
@@ -162,13 +159,14 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
   for (std::size_t i = 0; i < n; ++i) {
     pocket.push_back(std::abs(DoubleArea(polygon[around[i][0]], polygon[i], polygon[around[i][1]])) / 2);
   }
+  const auto cost = [&](std::size_t i, std::size_t j) { return options.width * (polygon[j] - polygon[i]).norm(); };
   const auto most_gain = [&](std::size_t i, std::size_t j) {
-    const double cost = options.width * (polygon[j] - polygon[i]).norm();
-    if (around[i] != around[j]) return pocket[i] + pocket[j] - cost;
+    if (around[i] != around[j]) return pocket[i] + pocket[j] - cost(i, j);
     const auto [before, after] = around[i];
     const bool is_i_first = (i + n - before) % n < (j + n - before) % n;
     const Vec2 &p = polygon[is_i_first ? i : j], &q = polygon[is_i_first ? j : i];
-    return std::abs(DoubleArea(polygon[before], p, q) + DoubleArea(polygon[before], q, polygon[after])) / 2 - cost;
+    return std::abs(DoubleArea(polygon[before], p, q) + DoubleArea(polygon[before], q, polygon[after])) / 2 -
+           cost(i, j);
   };
   // From points in pockets hulls grow either way round: forth[i][k] is that of the k + 1 points from i on, back[i][k]
   // that of those up to i.
@@ -209,7 +207,7 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
     const bool from_i = pocket[i] >= pocket[j];
     grow_from(from_i ? i : j);
     const double hulls = from_i ? forth[i][inner] + back[i][outer] : forth[j][outer] + back[j][inner];
-    const double gain = whole - hulls - options.width * (polygon[j] - polygon[i]).norm();
+    const double gain = whole - hulls - cost(i, j);
     if (gain > best.gain && IsInside(polygon, i, j)) best = {chosen[i], chosen[j], gain};
   }
   return best;

@@ -32,6 +32,12 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
   return hull;
 }
 
+double AreaWithin(const std::vector<Vec2>& polygon) {
+  double doubled = 0;
+  for (std::size_t i = 2; i < polygon.size(); ++i) doubled += DoubleArea(polygon[0], polygon[i - 1], polygon[i]);
+  return doubled / 2;
+}
+
 namespace {
 
 // Puts edges behind one another wherever one ends at the start of another: loop by loop.

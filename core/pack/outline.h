@@ -49,6 +49,9 @@ struct Outline {
 // The corners of the convex hull, counter-clockwise; one or two if all points lie on a line. O(n log n), exact.
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points);
 
+// The area within a polygon that runs counter-clockwise; negative if it runs clockwise. 0 for fewer than three points.
+double AreaWithin(const std::vector<Vec2>& polygon);
+
 // The rectangle of least area round a convex hull of two points or more. It has a side on an edge of the hull.
 struct HullRectangle {
   Vec2 along = Vec2(1, 0);  // unit, along that side

@@ -11,20 +11,11 @@
 
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
-#include "core/mesh/angles.h"
 #include "core/pack/outline.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
 namespace {
-
-double AreaWithin(const std::vector<Vec2>& polygon) {
-  double doubled = 0;
-  for (std::size_t i = 2; i < polygon.size(); ++i) {
-    doubled += DoubleArea(polygon[0], polygon[i - 1], polygon[i]);
-  }
-  return doubled / 2;
-}
 
 // What joining needs to know of a chart.
 struct Shape {

@@ -172,7 +172,8 @@ struct Atlas {
 // corner. `is_draft`: with the fewest trials, for a look at what rounding does. CANCELLED after a cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts);
 
-// How far above SeamOptions::max_stretch a chart may come as delivered before more is cut, or said, about it.
+// A chart that is stretched beyond this times SeamOptions::max_stretch as delivered is cut, or a warning names it:
+// rounding to float adds less.
 inline constexpr double kStretchTolerance = 1.001;
 
 // The UV in the type in which they are delivered, and their faults.

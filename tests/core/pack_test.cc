@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "core/base/thread_team.h"
-#include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/board.h"
@@ -216,13 +215,6 @@ TEST(FindNecks, CutsInsideOfAnOutlineOnly) {
   }
 }
 
-double HullArea(const std::vector<Vec2>& points) {
-  const std::vector<Vec2> hull = ConvexHull(points);
-  double doubled = 0;
-  for (std::size_t i = 2; i < hull.size(); ++i) doubled += DoubleArea(hull[0], hull[i - 1], hull[i]);
-  return doubled / 2;
-}
-
 // Points in every direction from the origin, at random distances.
 std::vector<Vec2> Star(int n, testing::Dice* dice) {
   std::vector<Vec2> outline;
@@ -248,6 +240,7 @@ bool IsInsideStar(const std::vector<Vec2>& star, std::size_t i, std::size_t j) {
 }
 
 TEST(FindNecks, FindsTheCutThatGainsMost) {
+  const auto hull_area = [](const std::vector<Vec2>& points) { return AreaWithin(ConvexHull(points)); };
   testing::Dice dice(7);
   int cut = 0;
   for (int round = 0; round < 300; ++round) {
@@ -262,7 +255,7 @@ TEST(FindNecks, FindsTheCutThatGainsMost) {
         std::vector<Vec2> outer(star.begin(), from + 1);
         outer.insert(outer.end(), to, star.end());
         const double cost = options.width * (star[i] - star[j]).norm();
-        most = std::max(most, HullArea(star) - HullArea({from, to + 1}) - HullArea(outer) - cost);
+        most = std::max(most, hull_area(star) - hull_area({from, to + 1}) - hull_area(outer) - cost);
       }
     }
     const std::vector<Neck> necks = FindNecks(star, options);
