@@ -24,15 +24,17 @@ struct BorderEdge {
 struct Patch {
   Vec3 normal;  // times the area
   double area;
+  double length;  // of `normal`
 };
 
 // What it costs to join two patches, in units of kCostUnit; more than `most` if they should stay apart.
 std::int64_t Cost(const Patch& one, const Patch& other, std::int64_t most, const AtlasTuning& tuning) {
   const double area = one.area + other.area;
   if (!(area > 0)) return 0;
-  const double along = one.normal.dot(other.normal), lengths = one.normal.norm() * other.normal.norm();
-  if (along < tuning.patch_cosine * lengths) return most + 1;
-  return std::llround(std::max(0.0, 1 - (one.normal + other.normal).norm() / area) / kCostUnit);
+  const double along = one.normal.dot(other.normal);
+  if (along < tuning.patch_cosine * one.length * other.length) return most + 1;
+  const double length = std::sqrt(one.length * one.length + other.length * other.length + 2 * along);  // of the sum
+  return static_cast<std::int64_t>(std::max(0.0, 1 - length / area) / kCostUnit + 0.5);
 }
 
 }  // namespace
@@ -42,12 +44,16 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
   UnionFind patches(num_faces);
   std::vector<Patch> shape;  // of roots
   shape.reserve(num_faces);
-  for (std::int32_t f = 0; f < num_faces; ++f) shape.push_back({surface.area_normal[f], surface.area[f]});
+  for (std::int32_t f = 0; f < num_faces; ++f) {
+    const Vec3& normal = surface.area_normal[f];
+    shape.push_back({normal, surface.area[f], normal.norm()});
+  }
   const auto join = [&](std::int32_t a, std::int32_t b) {
     patches.Join(a, b);
     if (b < a) std::swap(a, b);
     shape[a].area += shape[b].area;
     shape[a].normal += shape[b].normal;
+    shape[a].length = shape[a].normal.norm();
   };
   const std::int64_t most = std::llround(tuning.patch_deviation / kCostUnit);
   // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache. How

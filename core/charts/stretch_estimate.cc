@@ -97,79 +97,28 @@ void StretchEstimate::Take(Parts vertices) {
   }
 }
 
-void StretchEstimate::Assemble() {
-  load_.clear();
-  diagonal_.clear();
-  u_.clear();
-  entries_.clear();
-  row_begin_.assign(1, 0);
-  for (const std::int32_t v : free_) {
-    double load = vertices_[v].load;
-    for (const auto& [w, edge] : NeighboursOf(v)) {
-      const std::int32_t column = number_[w];
-      if (column >= 0) {
-        entries_.push_back({column, weight_[edge]});
-      } else if (gluing_.IsInside(VertexHandle(w))) {
-        load += weight_[edge] * KeptAt(w);
-      }
-    }
-    row_begin_.push_back(static_cast<std::int32_t>(entries_.size()));
-    load_.push_back(load);
-    // Positive unless triangles are hopeless.
-    diagonal_.push_back(vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1);
-    u_.push_back(KeptAt(v));
-  }
-}
-
-void StretchEstimate::Solve() {
-  const auto n = static_cast<std::int32_t>(free_.size());
-  residual_.resize(n);
-  direction_.resize(n);
-  product_.resize(n);
-  // Returns <x, product>.
-  const auto multiply = [&](const std::vector<double>& x) {
-    double dot = 0;
-    for (std::int32_t i = 0; i < n; ++i) {
-      double sum = diagonal_[i] * x[i];
-      for (std::int32_t k = row_begin_[i]; k < row_begin_[i + 1]; ++k)
-        sum -= entries_[k].weight * x[entries_[k].column];
-      product_[i] = sum;
-      dot += x[i] * sum;
-    }
-    return dot;
-  };
-  // Conjugate gradients with the diagonal.
-  double norm = 0, rho = 0;
-  multiply(u_);
-  for (std::int32_t i = 0; i < n; ++i) {
-    norm += load_[i] * load_[i] / diagonal_[i];
-    residual_[i] = load_[i] - product_[i];
-    direction_[i] = residual_[i] / diagonal_[i];
-    rho += residual_[i] * direction_[i];
-  }
-  const double enough = tuning_.estimate_tolerance * tuning_.estimate_tolerance * norm;
-  for (int iteration = 0; iteration < tuning_.estimate_iterations && rho > enough; ++iteration) {
-    const double curvature = multiply(direction_);
-    if (!(curvature > 0)) break;
-    const double step = rho / curvature;
-    double next_rho = 0;
-    for (std::int32_t i = 0; i < n; ++i) {
-      u_[i] += step * direction_[i];
-      residual_[i] -= step * product_[i];
-      next_rho += residual_[i] * residual_[i] / diagonal_[i];
-    }
-    const double beta = next_rho / rho;
-    for (std::int32_t i = 0; i < n; ++i) direction_[i] = residual_[i] / diagonal_[i] + beta * direction_[i];
-    rho = next_rho;
-  }
-}
-
 // Solves, and adds to `sums` what that changes of them: from the kept u, or from u = 0.
 StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept) {
-  Assemble();
-  Solve();
+  solver_.Start(static_cast<std::int32_t>(free_.size()));
+  for (const std::int32_t v : free_) {
+    // Positive unless triangles are hopeless.
+    const double diagonal = vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1;
+    solver_.AddRow(diagonal, KeptAt(v), [&](const auto& add) {
+      double load = vertices_[v].load;
+      for (const auto& [w, edge] : NeighboursOf(v)) {
+        if (number_[w] >= 0) {
+          add(number_[w], weight_[edge]);
+        } else if (gluing_.IsInside(VertexHandle(w))) {
+          load += weight_[edge] * KeptAt(w);
+        }
+      }
+      return load;
+    });
+  }
+  solver_.Solve(tuning_.estimate_tolerance, tuning_.estimate_iterations);
+  const std::vector<double>& u = solver_.solution();
   for (std::size_t i = 0; i < free_.size(); ++i) {
-    const double was = from_kept ? ScaleOf(KeptAt(free_[i])) : 1, is = ScaleOf(AsKept(u_[i]));
+    const double was = from_kept ? ScaleOf(KeptAt(free_[i])) : 1, is = ScaleOf(AsKept(u[i]));
     sums.larger += vertices_[free_[i]].area * (is - was);
     sums.smaller += vertices_[free_[i]].area * (1 / is - 1 / was);
   }
@@ -229,7 +178,7 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
       const HalfedgeHandle edge = gluing_.Next(facing);  // to this vertex
       if (gluing_.IsOutline(edge)) return;
       const std::int32_t number = number_[gluing_.mesh().from_vertex_handle(edge).idx()];
-      if (number >= 0) direction -= weight_[edge.idx() / 2] * AsKept(u_[number]);
+      if (number >= 0) direction -= weight_[edge.idx() / 2] * AsKept(solver_.solution()[number]);
     });
     points.push_back(at);
     travelled.push_back(length);
@@ -242,48 +191,8 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   return points;
 }
 
-std::vector<Vec2> StretchEstimate::Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
-                                          std::span<const Vec2> points) {
-  const TriMesh& mesh = gluing_.mesh();
-  Take({InteriorOf(faces)});
-  Assemble();
-  place_.resize(mesh.n_halfedges());
-  for (std::size_t i = 0; i < outline.size(); ++i) {
-    ForEachInFan(gluing_, gluing_.Next(outline[i]), [&](HalfedgeHandle h) { place_[h.idx()] = points[i]; });
-  }
-  // Harmonic: each vertex is the weighted mean of its neighbours.
-  std::array<std::vector<double>, 2> solved;
-  for (int axis = 0; axis < 2; ++axis) {
-    load_.assign(free_.size(), 0.0);
-    u_.assign(free_.size(), 0.0);
-    for (const std::int32_t f : faces) {
-      const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
-      const std::array<VertexHandle, 3> v = VerticesOf(mesh, FaceHandle(f));
-      for (int k = 0; k < 3; ++k) {
-        if (gluing_.IsOutline(half_edges[k])) continue;
-        const std::int32_t next = number_[v[Next(k)].idx()], prev = number_[v[Prev(k)].idx()];
-        const double weight = weight_[half_edges[k].idx() / 2] / 2;  // the other half is of the face across
-        if (next >= 0 && prev < 0) load_[next] += weight * place_[half_edges[Prev(k)].idx()][axis];
-        if (prev >= 0 && next < 0) load_[prev] += weight * place_[half_edges[Next(k)].idx()][axis];
-      }
-    }
-    Solve();
-    solved[axis] = u_;
-  }
-  std::vector<Vec2> corners;
-  for (const std::int32_t f : faces) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
-    const std::array<VertexHandle, 3> v = VerticesOf(mesh, FaceHandle(f));
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t number = number_[v[k].idx()];
-      corners.push_back(number < 0 ? place_[half_edges[k].idx()] : Vec2(solved[0][number], solved[1][number]));
-    }
-  }
-  return corners;
-}
-
 void StretchEstimate::Keep() {
-  for (std::size_t i = 0; i < free_.size(); ++i) kept_[free_[i]] = static_cast<float>(u_[i]);
+  for (std::size_t i = 0; i < free_.size(); ++i) kept_[free_[i]] = static_cast<float>(solver_.solution()[i]);
 }
 
 }  // namespace planish

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/charts/gluing.h"
+#include "core/charts/poisson_solver.h"
 #include "core/charts/tuning.h"
 
 namespace planish {
@@ -51,13 +52,10 @@ class StretchEstimate {
   // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
   // outline of the disc. Edges of the outline keep their lengths, up to what closes it.
   std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
-  // Such a map inside, of the disc of these faces, between these points of its outline: of each corner, in the order of
-  // the faces.
-  std::vector<Vec2> Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
-                           std::span<const Vec2> points);
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
+  double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
   // Per vertex: the u that is kept. Nothing may be estimated afterwards.
   std::vector<float> TakeKept() { return std::move(kept_); }
 
@@ -74,10 +72,7 @@ class StretchEstimate {
     return {neighbours_.data() + vertices_[v].begin, neighbours_.data() + vertices_[v + 1].begin};
   }
   void Take(Parts vertices);
-  void Assemble();
-  void Solve();
   Sums SolveFor(Sums sums, bool from_kept);
-  double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
@@ -86,18 +81,11 @@ class StretchEstimate {
   std::vector<Neighbour> neighbours_;
   std::vector<std::int32_t> number_;  // per vertex: among those solved for, -1 for all others
   std::vector<float> kept_;           // per vertex
-  std::vector<Vec2> place_;           // per half-edge, of the corner that it faces; empty until Inside() is called
   std::vector<char> is_marked_;       // per face: one of faces_, while Joined() looks at them
   // Of the estimate at hand.
   std::vector<std::int32_t> faces_;  // of Joined()
   std::vector<std::int32_t> free_;   // the vertices that are solved for
-  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
-  std::vector<std::int32_t> row_begin_;
-  struct Entry {
-    std::int32_t column;
-    double weight;
-  };
-  std::vector<Entry> entries_;
+  PoissonSolver solver_;
 };
 
 }  // namespace planish

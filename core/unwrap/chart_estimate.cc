@@ -1,7 +1,9 @@
 #include "core/unwrap/chart_estimate.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 
@@ -51,6 +53,14 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   return crossing;
 }
 
+// The third corner, counter-clockwise, of a triangle with edges of these lengths, whose first two are about here.
+Vec2 ThirdCorner(const Vec2& from, const Vec2& to, double base, double from_third, double to_third) {
+  const Vec2 along = (to - from).normalized();
+  const double foot = (base * base + from_third * from_third - to_third * to_third) / (2 * base);
+  const double height = std::sqrt(std::max(0.0, from_third * from_third - foot * foot));
+  return from + foot * along + height * Vec2(-along.y(), along.x());
+}
+
 }  // namespace
 
 ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning)
@@ -78,8 +88,53 @@ void ChartEstimates::Update(std::int32_t chart) {
   found.other_face = gluing.mesh().face_handle(found.outline[j]).idx();
 }
 
-std::vector<Vec2> ChartEstimates::Corners(std::int32_t chart) {
-  return estimate_.Inside(segmentation_.charts()[chart], charts_[chart].outline, charts_[chart].points);
+std::vector<Vec2> ChartEstimates::Positions(std::int32_t chart, const FlatMesh& disc) const {
+  const TriMesh& mesh = segmentation_.gluing().mesh();
+  const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
+  const FlatLinks links = {disc.opposite};
+  std::vector<Vec2> positions(disc.positions.size());
+  enum class State : char { kFar, kQueued, kPlaced };
+  std::vector<State> state(disc.positions.size(), State::kFar);
+  std::vector<double> root(disc.positions.size(), 1.0);  // of e^u
+  const auto vertex_at = [&](std::int32_t c) { return disc.faces[c / 3][c % 3]; };
+  const auto is_placed = [&](std::int32_t c) { return state[vertex_at(c)] == State::kPlaced; };
+  for (std::size_t i = 0; i < charts_[chart].outline.size(); ++i) {
+    const std::int32_t faced = CornerOf(mesh, charts_[chart].outline[i]);
+    const auto f = std::lower_bound(faces.begin(), faces.end(), faced / 3) - faces.begin();
+    const std::int32_t v = disc.faces[f][Next(faced % 3)];
+    positions[v] = charts_[chart].points[i];
+    state[v] = State::kPlaced;
+  }
+  std::vector<std::int32_t> queue;  // corners
+  const auto reach = [&](std::int32_t c) {
+    if (state[vertex_at(c)] != State::kFar || !is_placed(links.Next(c)) || !is_placed(links.Prev(c))) return;
+    state[vertex_at(c)] = State::kQueued;
+    queue.push_back(c);
+  };
+  for (std::int32_t c = 0; c < std::ssize(disc.opposite); ++c) reach(c);
+  const auto length = [&](std::int32_t v, std::int32_t w) {
+    return (disc.positions[v] - disc.positions[w]).norm() * root[v] * root[w];
+  };
+  for (std::size_t head = 0; head < queue.size(); ++head) {
+    const std::int32_t v = vertex_at(queue[head]);
+    const VertexHandle on_surface = VerticesOf(mesh, FaceHandle(faces[queue[head] / 3]))[queue[head] % 3];
+    root[v] = portable::Exp(estimate_.KeptAt(on_surface.idx()) / 2);
+    Vec2 sum = Vec2::Zero();
+    double count = 0;
+    ForEachInFan(links, queue[head], [&](std::int32_t c) {
+      if (!is_placed(links.Next(c)) || !is_placed(links.Prev(c))) return;
+      const std::int32_t from = Origin(disc.faces, c), to = Target(disc.faces, c);
+      sum += ThirdCorner(positions[from], positions[to], length(from, to), length(from, v), length(to, v));
+      ++count;
+    });
+    positions[v] = sum / count;
+    state[v] = State::kPlaced;
+    ForEachInFan(links, queue[head], [&](std::int32_t c) {
+      reach(links.Next(c));
+      reach(links.Prev(c));
+    });
+  }
+  return positions;
 }
 
 }  // namespace planish

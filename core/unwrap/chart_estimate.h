@@ -29,8 +29,10 @@ class ChartEstimates {
   // Looks at the chart as it is now. About a twentieth of the work of a solve.
   void Update(std::int32_t chart);
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
-  // Where the corners of the chart's faces are in the map.
-  std::vector<Vec2> Corners(std::int32_t chart);
+  // Where the vertices of the chart's mesh (ChartMesh()) are in the map, as its outline was last estimated. Placed one
+  // after the other from the outline inwards by the lengths of edges in the map, each by those of its triangles whose
+  // other two corners have been placed. Good enough to tell on which side of a chord a face lies. O(n).
+  std::vector<Vec2> Positions(std::int32_t chart, const FlatMesh& disc) const;
 
  private:
   const Segmentation& segmentation_;

@@ -17,6 +17,12 @@
 namespace planish {
 namespace {
 
+// Of the convex hulls of two charts moved together, in what joining them may cost. Of 69 pairs with more overlap, on
+// surface nets of 172,992 and 444,216 faces, one could be joined.
+constexpr double kMostOverlap = 1.5;
+// A round that joins fewer is the last one.
+constexpr std::ptrdiff_t kTriesPerJoint = 8;
+
 // What joining needs to know of a chart.
 struct Shape {
   std::vector<Vec2> hull;
@@ -227,7 +233,9 @@ class Joining {
     for (const Vec2& p : other.hull) points.push_back((*motion)(p));
     const double hull = AreaWithin(ConvexHull(std::move(points)));
     if (hull < area) return std::nullopt;  // they would overlap
-    if (job_.options.pack && hull - one.hull_area - other.hull_area > MostCost(length)) return std::nullopt;
+    // Hulls that overlap much mostly belong to charts that would.
+    const double cost = hull - one.hull_area - other.hull_area, most = MostCost(length);
+    if (job_.options.pack && (cost > most || cost < -kMostOverlap * most)) return std::nullopt;
     return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
@@ -268,9 +276,9 @@ class Joining {
     std::vector<std::int32_t> todo;
     for (const Attempt& attempt : attempts) todo.push_back(attempt.joined.chart);
     PLANISH_RETURN_IF_ERROR(maps_.Map(todo));
-    bool has_joined = false;
-    for (Attempt& attempt : attempts) has_joined |= Settle(&attempt);
-    return has_joined;
+    std::ptrdiff_t joined = 0;
+    for (Attempt& attempt : attempts) joined += Settle(&attempt) ? 1 : 0;
+    return joined > 0 && kTriesPerJoint * joined >= std::ssize(attempts);
   }
 
   // Keeps the joined chart if its map is sound; otherwise puts the two charts back.

@@ -23,12 +23,13 @@ namespace {
 // Calls of WidenCharts() that charts may have which have been cut apart because of faces that did not hold.
 constexpr int kWideningsOfParts = 4;
 
-// Per face of the chart: the number of its group, the faces that it must not be parted from.
-std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
-  const Topology& topology = chart.topology;
-  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
-    const std::int32_t o = topology.opposite[3 * f + k];
-    return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+// Per face of a chart, which are these faces of the surface: the number of its group, the faces that it must not be
+// parted from.
+std::vector<std::int32_t> UncutGroups(const Surface& surface, const std::vector<std::int32_t>& opposite,
+                                      const std::vector<std::int32_t>& faces, std::int32_t* count) {
+  return ConnectedPieces(static_cast<std::int32_t>(faces.size()), count, [&](std::int32_t f, int k) {
+    const std::int32_t o = opposite[3 * f + k];
+    return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * faces[f] + k)) ? o / 3 : -1;
   });
 }
 
@@ -43,59 +44,57 @@ std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32
   return ordered;
 }
 
-// Per face: the middle of all faces that it must not be parted from, itself included.
-std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions) {
-  const Topology& topology = chart.topology;
-  std::int32_t count = 0;
-  const std::vector<std::int32_t> group = UncutGroups(surface, chart, &count);
-  std::vector<Vec2> sum(count, Vec2::Zero());
-  std::vector<double> members(count, 0);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
+// Per face of a disc: the middle of all faces that it must not be parted from, itself included.
+std::vector<Vec2> Middles(const FlatMesh& disc, const std::vector<std::int32_t>& group, std::int32_t groups,
+                          const std::vector<Vec2>& positions) {
+  std::vector<Vec2> sum(groups, Vec2::Zero());
+  std::vector<double> members(groups, 0);
+  for (std::size_t f = 0; f < disc.faces.size(); ++f) {
+    const auto [a, b, c] = TriangleOf(positions, disc.faces[f]);
     sum[group[f]] += (a + b + c) / 3;
     ++members[group[f]];
   }
-  std::vector<Vec2> middle(topology.num_faces());
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) middle[f] = sum[group[f]] / members[group[f]];
+  std::vector<Vec2> middle;
+  for (const std::int32_t g : group) middle.push_back(sum[g] / members[g]);
   return middle;
 }
 
 // Pieces of faces between which no step from middle to middle crosses a chord, numbered by their lowest faces.
-std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec2>& middle,
+std::vector<std::int32_t> Pieces(const FlatMesh& disc, const std::vector<Vec2>& middle,
                                  const std::vector<std::pair<Vec2, Vec2>>& chords, std::int32_t* count) {
-  std::vector<char> crossed(topology.num_corners(), 0);
+  const auto corners = static_cast<std::int32_t>(disc.opposite.size());
+  std::vector<char> crossed(corners, 0);
   for (const auto& [a, b] : chords) {
     const Box box = Box::Around(a, b);
-    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-      const std::int32_t o = topology.opposite[c];
+    for (std::int32_t c = 0; c < corners; ++c) {
+      const std::int32_t o = disc.opposite[c];
       if (o < c) continue;
       const Vec2 &p = middle[c / 3], &q = middle[o / 3];
       if (p != q && Box::Around(p, q).Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
     }
   }
-  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
+  return ConnectedPieces(corners / 3, count, [&](std::int32_t f, int k) {
     const std::int32_t c = 3 * f + k;
-    return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
+    return disc.opposite[c] < 0 || crossed[c] ? -1 : disc.opposite[c] / 3;
   });
 }
 
 // All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
-void MergeCrumbs(const Chart& chart, const std::vector<Vec2>& positions, std::size_t most, std::int32_t count,
+void MergeCrumbs(const FlatMesh& disc, const std::vector<Vec2>& positions, std::size_t most, std::int32_t count,
                  std::vector<std::int32_t>* piece) {
-  const Topology& topology = chart.topology;
   std::vector<double> area(count, 0);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(positions, topology.faces[f])));
+  for (std::size_t f = 0; f < disc.faces.size(); ++f) {
+    area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(positions, disc.faces[f])));
   }
   const std::vector<std::int32_t> order =
       SortedIndices(count, [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
   for (std::size_t i = 0; i + most < order.size(); ++i) {
     std::vector<double> border(count, 0);
-    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-      const std::int32_t o = topology.opposite[c];
+    for (std::int32_t c = 0; c < std::ssize(disc.opposite); ++c) {
+      const std::int32_t o = disc.opposite[c];
       if ((*piece)[c / 3] != order[i] || o < 0 || (*piece)[o / 3] == order[i]) continue;
       // More than nothing, as neighbours may be where all ends of edges coincide.
-      const Vec2 edge = positions[Target(topology.faces, c)] - positions[Origin(topology.faces, c)];
+      const Vec2 edge = positions[Target(disc.faces, c)] - positions[Origin(disc.faces, c)];
       border[(*piece)[o / 3]] += edge.norm() + std::numeric_limits<double>::min();
     }
     const auto to = static_cast<std::int32_t>(std::max_element(border.begin(), border.end()) - border.begin());
@@ -103,18 +102,13 @@ void MergeCrumbs(const Chart& chart, const std::vector<Vec2>& positions, std::si
   }
 }
 
-// Per face of the chart, in the order of chart.faces: its part, from 0 on; empty if the chart is to stay whole. Cuts
-// run across arms and necks of the map (core/pack/necks.h), from face to face, and never between faces that must be
-// glued; parts are connected.
-std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions,
-                                      const NeckOptions& options) {
-  const std::vector<Vec2> outline = OutlineOf(chart, positions);
-  std::vector<std::pair<Vec2, Vec2>> chords;
-  for (const Neck& neck : FindNecks(outline, options)) chords.emplace_back(outline[neck.from], outline[neck.to]);
-  if (chords.empty()) return {};
+// Per face of a disc: its part, from 0 on; empty if the disc is to stay whole. Cuts run along these chords of its map,
+// from face to face, and never between faces that must be glued; parts are connected.
+std::vector<std::int32_t> PartAlong(const std::vector<std::pair<Vec2, Vec2>>& chords, const FlatMesh& disc,
+                                    const std::vector<Vec2>& middle, const std::vector<Vec2>& positions) {
   std::int32_t count = 0;
-  std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, positions), chords, &count);
-  MergeCrumbs(chart, positions, chords.size() + 1, count, &piece);
+  std::vector<std::int32_t> piece = Pieces(disc, middle, chords, &count);
+  MergeCrumbs(disc, positions, chords.size() + 1, count, &piece);
   if (NumberByFirst(count, &piece) < 2) return {};
   return piece;
 }
@@ -125,7 +119,7 @@ std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, 
   const Chart& chart = charts.charts[number].chart;
   const Topology& topology = chart.topology;
   std::int32_t groups = 0, parts = 0;
-  const std::vector<std::int32_t> group = UncutGroups(*charts.surface, chart, &groups);
+  const std::vector<std::int32_t> group = UncutGroups(*charts.surface, topology.opposite, chart.faces, &groups);
   std::vector<char> is_alone(groups, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     if (!charts.is_ignored(chart.faces[f]) && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
@@ -139,41 +133,42 @@ std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, 
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
-// All that pack better in parts, by their estimates; those that gain most where that would make too many charts.
-std::vector<Segmentation::Cut> ChartsToPart(const Job& job, NeckOptions options, ChartEstimates* estimates,
+// All that pack better in parts, by their estimates; those that gain most where that would make too many charts. Cuts
+// run across arms and necks of the map (core/pack/necks.h).
+std::vector<Segmentation::Cut> ChartsToPart(const Job& job, const NeckOptions& options, const ChartEstimates& estimates,
                                             Charts* charts) {
-  charts->charts.resize(charts->segmentation->charts().size());
-  std::vector<std::vector<double>> gains(charts->count());
-  std::vector<double> all;
-  for (std::int32_t i = 0; i < charts->count() && !job.execution.IsCancelledAt(i); ++i) {
-    for (const Neck& neck : FindNecks(estimates->of(i).points, options)) gains[i].push_back(neck.gain);
-    all.insert(all.end(), gains[i].begin(), gains[i].end());
+  const Segmentation& segmentation = *charts->segmentation;
+  const auto count = static_cast<std::int32_t>(segmentation.charts().size());
+  std::vector<std::vector<Neck>> necks(count);
+  std::vector<double> gains;
+  for (std::int32_t i = 0; i < count && !job.execution.IsCancelledAt(i); ++i) {
+    necks[i] = FindNecks(estimates.of(i).points, options);
+    for (const Neck& neck : necks[i]) gains.push_back(neck.gain);
   }
   const AtlasTuning& tuning = job.options.tuning;
-  const auto most = static_cast<std::size_t>(
-      std::max(static_cast<double>(charts->surface->num_faces()) / tuning.cut_faces - charts->count(),
-               tuning.cut_growth * charts->count()));
-  if (all.size() > most) {
-    std::sort(all.begin(), all.end(), std::greater<>());
-    options.least_gain = std::nextafter(all[most], std::numeric_limits<double>::infinity());
+  const auto most = static_cast<std::size_t>(std::max(
+      static_cast<double>(charts->surface->num_faces()) / tuning.cut_faces - count, tuning.cut_growth * count));
+  double least_gain = options.least_gain;
+  if (gains.size() > most) {
+    std::sort(gains.begin(), gains.end(), std::greater<>());
+    least_gain = std::nextafter(gains[most], std::numeric_limits<double>::infinity());
   }
   std::vector<Segmentation::Cut> cuts;
-  std::vector<std::int32_t> place(charts->surface->num_faces());  // in the chart
-  for (std::int32_t i = 0; i < charts->count() && !job.execution.IsCancelledAt(i); ++i) {
-    const auto gains_enough = [&options](double gain) { return gain >= options.least_gain; };
-    if (std::none_of(gains[i].begin(), gains[i].end(), gains_enough)) continue;
-    ExtractChart(i, job.execution, charts);
-    const Chart& chart = charts->charts[i].chart;
-    const std::vector<std::int32_t>& faces = charts->segmentation->charts()[i];
-    for (std::size_t f = 0; f < faces.size(); ++f) place[faces[f]] = static_cast<std::int32_t>(f);
-    const std::vector<Vec2> corners = estimates->Corners(i);
-    std::vector<Vec2> positions(chart.topology.num_vertices);
-    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-      positions[chart.topology.faces[c / 3][c % 3]] = corners[3 * place[chart.faces[c / 3]] + c % 3];
+  for (std::int32_t i = 0; i < count && !job.execution.IsCancelledAt(i); ++i) {
+    const std::vector<Vec2>& points = estimates.of(i).points;
+    std::vector<std::pair<Vec2, Vec2>> chords;
+    for (const Neck& neck : necks[i]) {
+      if (neck.gain >= least_gain) chords.emplace_back(points[neck.from], points[neck.to]);
     }
-    const std::vector<std::int32_t> part = PartAtNecks(*charts->surface, chart, positions, options);
-    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts->segmentation, i, chart, part)});
-    charts->charts[i] = {};
+    if (chords.empty()) continue;
+    const std::vector<std::int32_t>& faces = segmentation.charts()[i];
+    std::vector<std::pair<std::int32_t, std::int32_t>> slits;
+    const FlatMesh disc = ChartMesh(segmentation.gluing(), faces, &charts->place, &slits);
+    std::int32_t groups = 0;
+    const std::vector<std::int32_t> group = UncutGroups(*charts->surface, disc.opposite, faces, &groups);
+    const std::vector<Vec2> positions = estimates.Positions(i, disc);
+    std::vector<std::int32_t> part = PartAlong(chords, disc, Middles(disc, group, groups, positions), positions);
+    if (!part.empty()) cuts.push_back({i, -1, -1, std::move(part)});
   }
   return cuts;
 }
@@ -254,7 +249,7 @@ absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* 
       if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
     }
     if (cuts.empty() && !std::exchange(are_parted, true)) {
-      cuts = ChartsToPart(job, NecksOf(*charts, job.options), estimates, charts);
+      cuts = ChartsToPart(job, NecksOf(*charts, job.options), *estimates, charts);
     }
     todo = cuts.empty() ? std::vector<std::int32_t>() : segmentation.Split(cuts, job.execution);
   }
