@@ -212,10 +212,11 @@ class Packer {
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
-      const bool is_dear =
-          !plan_.thorough && static_cast<double>(work_.done) > work_.budget && bad < tuning_.too_wide * good;
-      const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
-                             (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget);
+      const auto with_next = static_cast<double>(work_.done + work_.of_trial);
+      const bool is_dear = !plan_.thorough && with_next > work_.budget && bad < tuning_.too_wide * good;
+      const bool may_go_on =
+          !is_dear && (trial < tuning_.least_trials ||
+                       (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget));
       if (good > 0 && !may_go_on) break;
       double next = 0;
       if (good > 0) {

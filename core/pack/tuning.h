@@ -53,7 +53,10 @@ struct PackTuning {
   // more trials than what comes after, above the second. Without a bracket scales change by the third at most; those of
   // few charts grow by the fourth at least.
   double known_within = 1.01, wide_bracket = 1.03, farthest_change = 1.12, upwards = 1.04;
-  double too_wide = 1.05;  // a bracket that is not left even where trials of very many charts have used up the work
+  // A bracket that is not left even where trials of very many charts take more than all work. Narrower ones are: five
+  // thousand triangles on random vertices, each a chart, fill 0.465 of the texture in place of 0.474, for two thirds of
+  // the time of the whole unwrap.
+  double too_wide = 1.05;
 
   // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.
   double tighten_per_chart = 200'000;
