@@ -1,7 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <queue>
 #include <utility>
 
 #include "core/charts/steps.h"
@@ -10,15 +8,13 @@
 namespace planish {
 namespace {
 
-constexpr double kCostUnit = 1e-7;
-constexpr std::int64_t kLeastBucket = 1 << 5;  // of these units
-constexpr std::int64_t kEdgesOfBucket = 16;    // about, in the mean, at least
+// With 2e-6, 1e-5 and 3e-5 six scans have 4,248, 4,424 and 4,248 charts at ten settings and fill 0.805, 0.805 and 0.806
+// of the texture in the mean.
+constexpr double kCostUnit = 3e-5;
 
 // An edge between two patches, which have faces f and g.
 struct BorderEdge {
-  std::int32_t cost, edge, f, g;
-
-  bool operator>(const BorderEdge& o) const { return cost != o.cost ? cost > o.cost : edge > o.edge; }
+  std::int32_t f, g;
 };
 
 struct Patch {
@@ -56,12 +52,8 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
     shape[a].length = shape[a].normal.norm();
   };
   const std::int64_t most = std::llround(tuning.patch_deviation / kCostUnit);
-  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache. How
-  // wide they are changes no order.
-  const std::int64_t width =
-      std::max(kLeastBucket, most * kEdgesOfBucket / std::max<std::int64_t>(1, surface.mesh->n_edges()));
-  using Queue = std::priority_queue<BorderEdge, std::vector<BorderEdge>, std::greater<>>;
-  std::vector<std::vector<BorderEdge>> entries(most / width + 1);
+  // By cost; those of one cost in the order in which they came to have it.
+  std::vector<std::vector<BorderEdge>> edges(most + 1);
   for (const EdgeHandle e : surface.mesh->edges()) {
     const HalfedgeHandle h = surface.mesh->halfedge_handle(e, 0);
     const std::int32_t f = surface.mesh->face_handle(h).idx(), g = surface.face_across(h);
@@ -72,28 +64,21 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       continue;
     }
     const std::int64_t cost = Cost(shape[f], shape[g], most, tuning);
-    if (cost <= most) entries[cost / width].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
+    if (cost <= most) edges[cost].push_back({f, g});
   }
-  for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
-    Queue queue(std::greater<>(), std::move(entries[bucket]));
-    for (; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
-      const auto [cost, e, f, g] = queue.top();
-      queue.pop();
-      const std::int32_t a = patches.Find(f), b = patches.Find(g);
+  for (std::int64_t cost = 0, step = 0; cost <= most; ++cost) {
+    for (std::size_t i = 0; i < edges[cost].size() && !execution.IsCancelledAt(step); ++i, ++step) {
+      const std::int32_t a = patches.Find(edges[cost][i].f), b = patches.Find(edges[cost][i].g);
       if (a == b) continue;
       // The patches may have grown since.
       const std::int64_t present = Cost(shape[a], shape[b], most, tuning);
-      const BorderEdge entry = {static_cast<std::int32_t>(present), e, a, b};
       if (present <= cost) {
         join(a, b);
-      } else if (present > most) {
-        continue;
-      } else if (present / width == bucket) {
-        queue.push(entry);
-      } else {
-        entries[present / width].push_back(entry);
+      } else if (present <= most) {
+        edges[present].push_back({a, b});
       }
     }
+    edges[cost] = {};
   }
   std::vector<std::int32_t> patch(num_faces, -1);
   for (std::int32_t f = 0; f < num_faces; ++f) {
