@@ -53,12 +53,14 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   return crossing;
 }
 
-// The third corner, counter-clockwise, of a triangle with edges of these lengths, whose first two are about here.
+// The third corner, counter-clockwise, of a triangle with edges of these lengths, whose first two are about here; the
+// first one again where that is not a number, as where the first two coincide.
 Vec2 ThirdCorner(const Vec2& from, const Vec2& to, double base, double from_third, double to_third) {
   const Vec2 along = (to - from).normalized();
   const double foot = (base * base + from_third * from_third - to_third * to_third) / (2 * base);
   const double height = std::sqrt(std::max(0.0, from_third * from_third - foot * foot));
-  return from + foot * along + height * Vec2(-along.y(), along.x());
+  const Vec2 third = from + foot * along + height * Vec2(-along.y(), along.x());
+  return third.allFinite() ? third : from;
 }
 
 }  // namespace

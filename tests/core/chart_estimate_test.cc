@@ -58,6 +58,12 @@ double Misfit(const std::vector<Vec2>& points, const std::vector<Vec2>& wanted) 
   return std::sqrt(off / to);
 }
 
+FlatMesh DiscOf(const Estimated& estimated) {
+  std::vector<std::int32_t> place;
+  std::vector<std::pair<std::int32_t, std::int32_t>> slits;
+  return ChartMesh(estimated.segmentation.gluing(), estimated.segmentation.charts()[0], &place, &slits);
+}
+
 // Of the outline, and of the corners of all faces.
 struct Misfits {
   double outline, corners;
@@ -70,9 +76,7 @@ Misfits MisfitsOf(Estimated* estimated, const CornerUv& uv) {
     outline.push_back(UvOf(uv, 3 * (c / 3) + Next(c % 3)));
   }
   const std::vector<std::int32_t>& faces = estimated->segmentation.charts()[0];
-  std::vector<std::int32_t> place;
-  std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  const FlatMesh disc = ChartMesh(estimated->segmentation.gluing(), faces, &place, &slits);
+  const FlatMesh disc = DiscOf(*estimated);
   const std::vector<Vec2> positions = estimated->estimates.Positions(0, disc);
   for (std::size_t f = 0; f < faces.size(); ++f) {
     for (std::int32_t k = 0; k < 3; ++k) {
@@ -124,6 +128,14 @@ TEST(ChartEstimates, AreNearTheSolvedMapsOfCurvedDiscs) {
     EXPECT_EQ(estimated.whole().face, -1) << "sound";
     EXPECT_EQ(solved.quality.overlapping, 0);
   }
+}
+
+TEST(ChartEstimates, ArePlacedWhereVerticesCoincide) {
+  Mesh mesh = testing::Plane(9, 7, 0.2);
+  mesh.positions[31] = mesh.positions[32];  // both inside
+  mesh.positions[0] = mesh.positions[1];    // on the outline
+  Estimated estimated(mesh);
+  for (const Vec2& p : estimated.estimates.Positions(0, DiscOf(estimated))) EXPECT_TRUE(p.allFinite());
 }
 
 TEST(ChartEstimates, AChartThatOverlapsIsUnsoundUntilItIsCut) {
