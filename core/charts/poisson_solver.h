@@ -19,7 +19,8 @@ class PoissonSolver {
   // `neighbours(add)` calls add(j, weight) once for each j with A_ij = -weight, and returns b_i.
   template <typename Neighbours>
   void AddRow(double diagonal, double start, const Neighbours& neighbours);
-  // Until the residual r is less than `tolerance` of b, both as the root of r^t M^-1 r for the preconditioner M.
+  // Once after each Start(): until the residual r is less than `tolerance` of b, both as the root of r^t M^-1 r for the
+  // preconditioner M.
   void Solve(double tolerance, int most_iterations);
 
   // The solution, per row.

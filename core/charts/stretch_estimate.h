@@ -55,6 +55,7 @@ class StretchEstimate {
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
+  // The u that is kept of a vertex; of no use outside of discs.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
   // Per vertex: the u that is kept. Nothing may be estimated afterwards.
   std::vector<float> TakeKept() { return std::move(kept_); }

@@ -42,7 +42,7 @@ struct AtlasTuning {
   double widest = 1.85 * std::numbers::pi;
 
   // ---- Stretch estimates (charts/stretch_estimate.h).
-  double estimate_tolerance = 1e-2;  // of the residual, in the norm of the diagonal
+  double estimate_tolerance = 1e-2;  // of the residual (charts/poisson_solver.h)
   int estimate_iterations = 200;     // at most, of conjugate gradients
   double map_tolerance = 1e-3;       // the same where an outline is made of the estimate (unwrap/chart_estimate.h)
   double estimate_cotangent = 1e4;   // at most: of angles below 0.006 degrees an estimate need not resolve more

@@ -17,7 +17,7 @@
 namespace planish {
 namespace {
 
-// A round that joins fewer charts is the last one.
+// A round is the last one if fewer than one in so many of the pairs that it tried stay joined.
 constexpr std::ptrdiff_t kTriesPerJoint = 8;
 
 // What joining needs to know of a chart.
