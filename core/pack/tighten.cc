@@ -89,7 +89,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
   return found;
 }
 
-// Hops that are made side by side, whatever the number of threads.
+// Hops that are made side by side, whatever the number of threads, if there is enough work for them.
 constexpr std::size_t kLanes = 2;
 
 class Tightener {
@@ -166,6 +166,7 @@ class Tightener {
   // Adds to *found, which is not empty, what is better. Each lane hops from one jammed arrangement to another, and
   // takes what is at most a little worse than the best it has seen (record-to-record travel, Dueck 1993). The first
   // lane always knows the best of all. The other may go farther away from it, and comes back when that has led nowhere.
+  // Where there is work for few hops, there is one lane.
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
     struct Lane {
       Arrangement here;
@@ -173,8 +174,10 @@ class Tightener {
       double step;
       int in_vain = 0;  // hops since the record
     };
-    std::array<Lane, kLanes> lanes;
-    const auto begin_at_best = [&](Lane* lane) { *lane = {found->back(), found->back().scale, tuning_.first_step}; };
+    const double crowd = static_cast<double>(charts_.outlines.size()) / tuning_.first_step_charts;
+    const double first_step = tuning_.first_step / std::sqrt(std::max(1.0, crowd));
+    std::vector<Lane> lanes(options_.work < tuning_.one_lane_work ? 1 : kLanes);
+    const auto begin_at_best = [&](Lane* lane) { *lane = {found->back(), found->back().scale, first_step}; };
     for (Lane& lane : lanes) begin_at_best(&lane);
     std::int64_t used = growing;
     for (std::uint64_t round = 0; used < options_.work && !execution_.IsCancelled() && !execution_.IsStopRequested();
@@ -183,13 +186,13 @@ class Tightener {
       std::array<std::int64_t, kLanes> work = {};
       const auto run = [&](std::int64_t k, std::int64_t) {
         const Lane& lane = lanes[k];
-        RearrangeOptions rearrange = OfHop((options_.work - used) / static_cast<std::int64_t>(kLanes));
+        RearrangeOptions rearrange = OfHop((options_.work - used) / std::ssize(lanes));
         rearrange.seed = kLanes * round + k;
         rearrange.swaps = static_cast<int>(round % (tuning_.most_swaps + 1));
         results[k] = Hop(lane.here, lane.record * (1 - tuning_.hop_down[k]), 1 + lane.step, rearrange, &work[k]);
       };
-      execution_.For(kLanes, run, 1);
-      for (std::size_t k = 0; k < kLanes; ++k) {
+      execution_.For(std::ssize(lanes), run, 1);
+      for (std::size_t k = 0; k < lanes.size(); ++k) {
         Lane& lane = lanes[k];
         used += work[k];
         if (results[k]) lane.here = std::move(*results[k]);
@@ -208,12 +211,13 @@ class Tightener {
         lanes[0].record = found->back().scale;
         lanes[0].in_vain = 0;
       }
-      if (lanes[1].in_vain >= tuning_.hops_away) begin_at_best(&lanes[1]);
+      if (lanes.size() > 1 && lanes[1].in_vain >= tuning_.hops_away) begin_at_best(&lanes[1]);
     }
   }
 
   // From `here` to another arrangement that is jammed, at least_scale or more, by way of overlaps at `growth` times the
-  // scale; those need not go away, since most do when the charts shrink again. Nothing if some stay.
+  // scale; those need not go away, since most do when the charts shrink again. Nothing if some stay. Rearranging may
+  // take the work in `options`, and what follows as much again.
   std::optional<Arrangement> Hop(Arrangement here, double least_scale, double growth, const RearrangeOptions& options,
                                  std::int64_t* work) const {
     const double scale = here.scale * growth;

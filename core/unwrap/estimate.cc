@@ -40,11 +40,11 @@ constexpr double kLooseVerticesPerPiece = 2.5;
 constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 30e-6;  // charts and maps
+constexpr double kSecondsPerPiece = 25e-6;  // charts and maps
 constexpr double kPackUnit = 1e-9;          // of PackTuning's work, in seconds
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
-constexpr double kSolve = 6e-6, kSolvePower = 0.05;
+constexpr double kSolve = 6.5e-6, kSolvePower = 0.05;
 constexpr double kMerge = 8e-6, kMergePower = 0.2;
 // Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
 // discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
@@ -72,7 +72,7 @@ double Pieces(double faces, double vertices) {
 }
 
 // What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
-constexpr double kFewCharts = 7;
+constexpr double kFewCharts = 6;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
