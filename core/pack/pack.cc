@@ -194,6 +194,7 @@ class Packer {
     series_ = MakeTrialSeries(simple(), charts_.atlas, tiles_, kept);
     starts_.clear();
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
+    int since_good = 0;                      // trials from the first on at which all fitted
     std::vector<Pose> poses(charts_.outlines.size());
     SetUnit(ScaleForFill(tuning_.first_fill));
     for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
@@ -209,14 +210,17 @@ class Packer {
       } else {
         bad = scale;
       }
+      if (good > 0) ++since_good;
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
       const auto with_next = static_cast<double>(work_.done + work_.of_trial);
-      const bool is_dear = !plan_.thorough && with_next > work_.budget && bad < tuning_.too_wide * good;
+      const bool is_too_wide = bad >= tuning_.too_wide * good;
+      const bool is_dear = !plan_.thorough && with_next > work_.budget && !is_too_wide;
+      const bool are_few = trial < tuning_.least_trials || (is_too_wide && since_good < tuning_.least_trials);
       const bool may_go_on =
-          !is_dear && (trial < tuning_.least_trials ||
-                       (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget));
+          !is_dear &&
+          (are_few || (since_good < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget));
       if (good > 0 && !may_go_on) break;
       double next = 0;
       if (good > 0) {

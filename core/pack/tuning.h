@@ -46,7 +46,10 @@ struct PackTuning {
   int least_angles = 2, most_angles = 4, typical_trials = 5;
   // What a trial costs for a chart and a turn, and for each edge of its outline, about.
   double trial_work = 6000, trial_work_per_edge = 150;
-  int least_trials = 3, most_trials = 8;
+  // Trials at one scale after the other: so many at least, and at most from the first on in which all charts find a
+  // place. Those before are cheap, since they end at the first chart that finds none. The least number counts from
+  // there on, too, as long as the bracket is too wide (below).
+  int least_trials = 3, most_trials = 7;
   // How full of charts and padding the tiles are in the first trial; much more never fits.
   double first_fill = 0.85;
   // Factors between scales. The largest that fits is known well enough within the first; the bracket is wide, and worth

@@ -346,6 +346,25 @@ TEST(Pack, TakesThousandsOfSmallCharts) {
   EXPECT_GE(LeastFromRim(placed) * 4096, 1);
 }
 
+// Of V-shaped needles far fewer fit than their area says: the first scales are much too large.
+TEST(Pack, LeavesNoRoomAboveNeedles) {
+  for (const int seed : {1, 2, 3}) {
+    testing::Dice dice(seed);
+    std::vector<PackChart> charts(450);
+    for (PackChart& chart : charts) {
+      const double length = 0.05 * std::pow(20, dice.In(0, 1)), angle = dice.In(0.3, 1.5);
+      const auto at = [&](double radius, double turn) {
+        return Vec2(radius * std::cos(turn), radius * std::sin(turn));
+      };
+      chart.positions = {Vec2::Zero(), at(length, 0), at(0.0005, angle / 2), at(length, angle)};
+      chart.faces = {{0, 1, 2}, {0, 2, 3}};
+    }
+    double top = 0;
+    for (const PlacedChart& chart : Place(charts, Pack(charts, {}))) top = std::max(top, chart.box.high.y());
+    EXPECT_GT(top, 0.95) << "seed " << seed;
+  }
+}
+
 TEST(Pack, TakesNoMoreTilesThanCharts) {
   PackOptions options;
   options.tiles = 9;
