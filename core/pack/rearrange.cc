@@ -82,17 +82,15 @@ class Search {
     charts_.samples.resize(n);
     charts_.angle.resize(n);
     charts_.poses.resize(n);
-    const std::vector<std::int32_t> place = Swapped();
     for (std::int32_t i = 0; i < std::ssize(outlines); ++i) {
       charts_.samples[i] = Samples(i);
       charts_.angle[i] = poses[i].angle;
       charts_.turned[i].resize(kTurns);
-      const Pose& start = poses[place[i]];
-      const Vec2 at = (start.centre - Vec2::Constant(options.low)) / image_.pixel;
+      const Vec2 at = (poses[i].centre - Vec2::Constant(options.low)) / image_.pixel;
       int first = 0;
       while (first < kTurns && !At(i, first).fits) ++first;
       if (first == kTurns) too_large_ = true;
-      charts_.poses[i] = {first % kTurns, start.tile, static_cast<int>(std::lround(at.x())),
+      charts_.poses[i] = {first % kTurns, poses[i].tile, static_cast<int>(std::lround(at.x())),
                           static_cast<int>(std::lround(at.y()))};
       Clamp(i, &charts_.poses[i]);
       if (!too_large_) Draw(i, kWeightUnit);
@@ -130,23 +128,6 @@ class Search {
   }
 
  private:
-  // Whose place each chart has to begin with. Large charts change places more often than small ones.
-  std::vector<std::int32_t> Swapped() {
-    const auto n = static_cast<int>(outlines_.size());
-    std::vector<std::int32_t> place = Indices(n);
-    if (options_.swaps == 0 || n < 2) return place;
-    std::vector<double> area(n);
-    for (int i = 0; i < n; ++i) area[i] = outlines_[i].area * scales_[i] * scales_[i];
-    const std::vector<std::int32_t> order =
-        SortedIndices(n, [&](std::int32_t a, std::int32_t b) { return area[a] > area[b]; });
-    for (int k = 0; k < options_.swaps; ++k) {
-      const int a = std::min(random_.Below(n), random_.Below(n));
-      const int b = std::clamp(a + 1 + random_.Below(3), 0, n - 1);
-      if (atlas_[order[a]] == atlas_[order[b]]) std::swap(place[order[a]], place[order[b]]);
-    }
-    return place;
-  }
-
   // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];

@@ -14,7 +14,6 @@ struct RearrangeOptions : PackRules {
   std::int64_t moves = 1000;      // at most, of one chart
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
-  int swaps = 0;                  // pairs of charts of about the same size that change places first
   std::uint64_t seed = 0;
 };
 

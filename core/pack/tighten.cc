@@ -153,7 +153,7 @@ class Tightener {
     return scales;
   }
 
-  // Image and moves of a hop, without swaps.
+  // Image and moves of a hop.
   RearrangeOptions OfHop(std::int64_t work) const {
     RearrangeOptions options = {options_};
     options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
@@ -188,7 +188,6 @@ class Tightener {
         const Lane& lane = lanes[k];
         RearrangeOptions rearrange = OfHop((options_.work - used) / std::ssize(lanes));
         rearrange.seed = kLanes * round + k;
-        rearrange.swaps = static_cast<int>(round % (tuning_.most_swaps + 1));
         results[k] = Hop(lane.here, lane.record * (1 - tuning_.hop_down[k]), 1 + lane.step, rearrange, &work[k]);
       };
       execution_.For(std::ssize(lanes), run, 1);

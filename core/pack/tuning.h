@@ -78,7 +78,6 @@ struct PackTuning {
   std::int64_t moves_at_once = 300, moves_at_once_per_chart = 3;
   // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
   std::size_t most_to_rearrange = 1000;
-  int most_swaps = 3;  // pairs of charts that change places before a hop, at most
   // By how much of its record a hop of either lane may lead down (0.740 of the texture on those meshes; with 0 and
   // 0.002 0.739, with 0.002 and 0.02 0.739), and hops in vain after which the second lane goes back to the best.
   std::array<double, 2> hop_down = {0.001, 0.005};
