@@ -353,10 +353,8 @@ TEST(Pack, LeavesNoRoomAboveNeedles) {
     std::vector<PackChart> charts(450);
     for (PackChart& chart : charts) {
       const double length = 0.05 * std::pow(20, dice.In(0, 1)), angle = dice.In(0.3, 1.5);
-      const auto at = [&](double radius, double turn) {
-        return Vec2(radius * std::cos(turn), radius * std::sin(turn));
-      };
-      chart.positions = {Vec2::Zero(), at(length, 0), at(0.0005, angle / 2), at(length, angle)};
+      const Vec2 inner(std::cos(angle / 2), std::sin(angle / 2)), outer(std::cos(angle), std::sin(angle));
+      chart.positions = {Vec2::Zero(), Vec2(length, 0), 0.0005 * inner, length * outer};
       chart.faces = {{0, 1, 2}, {0, 2, 3}};
     }
     double top = 0;
