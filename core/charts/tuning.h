@@ -91,7 +91,7 @@ struct AtlasTuning {
   // boot_g12 at three stretches, with 4 s for each packing, fill 0.836, 0.846, 0.841 and 0.836 of it in the mean with a
   // cut_width of 0.002 (and a hull_gain of 0.0003), 0.005, 0.008 and 0.011.
   PackerCuts packer_cuts = {.hull_gain = 0.003, .few_hull_gain = 0.03, .cut_width = 0.011, .join_gain = 0.7};
-  PackerCuts best_packer_cuts = {.hull_gain = 0, .few_hull_gain = 0, .cut_width = 0.005, .join_gain = 0.25};
+  PackerCuts best_packer_cuts = {.hull_gain = 0.0003, .few_hull_gain = 0, .cut_width = 0.005, .join_gain = 0.25};
   // Of a chart in the mean, at least, after these cuts: boxes stay boxes. But so many more charts, as a share, in any
   // case.
   double cut_faces = 9, cut_growth = 0.2;
