@@ -20,8 +20,8 @@ constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
 // kFirstBytes in all. Each face counts for kSmallBytesPerFace more in a small mesh, and for less the larger it is: for
 // nothing from kSmallFaces on. The counts do not tell triangles on random vertices from a closed surface. Of 9,290
 // meshes of 36 families with 60 to 6,000 faces none takes more than the estimate (4 of 300 such soups did, 1.035 times
-// at most, with a kSmallBytesPerFace of 400), and 4 % take less than a third of it. Of ten
-// soups of 8,000 to 128,000 faces the five with few vertices take 1.06 to 1.68 times the estimate.
+// at most, with a kSmallBytesPerFace of 400), and 4 % take less than a third of it. Of ten soups of 8,000 to 128,000
+// faces the five with few vertices take 1.06 to 1.68 times the estimate.
 constexpr double kFirstBytesPerFace = 1000, kFirstBytes = 0.5e6;
 constexpr double kSmallBytesPerFace = 550, kSmallFaces = 30'000;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
