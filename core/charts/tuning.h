@@ -97,7 +97,7 @@ struct AtlasTuning {
   // 0.002, 0.005, 0.008 and 0.011 and a hull_gain of 0.0003. With a minute koala and human_neutral fill 0.845 and 0.848
   // with that and 0.005, 0.853 and 0.856 with a hull_gain of 0.0001. With 0 they fill 0.854 and 0.862, but more
   // stretch allowed may make more charts: a ball had 11 at 1.02 and 13 at 1.5.
-  PackerCuts packer_cuts = {.hull_gain = 0.003, .few_hull_gain = 0.03, .cut_width = 0.011, .join_gain = 0.7};
+  PackerCuts packer_cuts = {.hull_gain = 0.003, .few_hull_gain = 0.03, .cut_width = 0.0085, .join_gain = 0.7};
   PackerCuts best_packer_cuts = {.hull_gain = 0.0001, .few_hull_gain = 0, .cut_width = 0.005, .join_gain = 0.25};
   // Of a chart in the mean, at least, after these cuts: boxes stay boxes. But so many more charts, as a share, in any
   // case.

@@ -7,14 +7,15 @@ namespace planish {
 namespace {
 
 constexpr std::int32_t kBlock = 16;          // samples
-constexpr int kContactLife = 5;              // steps
+constexpr int kContactLife = 8;              // steps, at least
 constexpr double kMomentum = 0.7;            // of a step that the next one keeps
 constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
 constexpr double kSureOfDistance = 0.9;      // far from a chart its field says up to 8 % too much (along the diagonals)
 constexpr double kFar = 1e300;
-// In nanoseconds: to look a distance up, for a contact in a step, for a body in a step.
-constexpr std::int64_t kLookWork = 9, kContactWork = 20, kBodyWork = 200;
-constexpr double kShare = 0.5;  // of what is missing that one of two charts gives way
+// In nanoseconds: to look a distance up, for a contact in a step, for one that is far, for a body in a step.
+constexpr std::int64_t kLookWork = 9, kContactWork = 20, kFarContactWork = 2, kBodyWork = 200;
+constexpr double kTurningPart = 1.5;  // the radius of a chart over its turning radius
+constexpr double kShare = 0.5;        // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
@@ -43,13 +44,13 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
       poses_(outlines.size()),
       margins_(outlines.size(), 0),
       velocity_(outlines.size(), Vec3::Zero()),
-      contacts_{.skin = 2 * options.spacing, .found = {}} {
+      contacts_{.skin = 2 * options.spacing, .found = {}, .moved = std::vector<double>(outlines.size(), 0)} {
   shapes_.reserve(outlines.size());
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
     const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-6) / unit;
-    Shape& shape =
-        shapes_.emplace_back(Shape{SampleOutline(outlines[i], spacing), {}, std::max(outlines[i].radius, 1e-12) / 1.5});
+    Shape& shape = shapes_.emplace_back(
+        Shape{SampleOutline(outlines[i], spacing), {}, std::max(outlines[i].radius, 1e-12) / kTurningPart});
     const auto n = static_cast<std::int32_t>(shape.samples.size());
     for (std::int32_t begin = 0; begin < n; begin += kBlock) {
       const std::int32_t end = std::min(begin + kBlock, n);
@@ -66,6 +67,7 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
 void Relaxer::FindContacts() {
   contacts_.age = 0;
   contacts_.found.clear();
+  std::fill(contacts_.moved.begin(), contacts_.moved.end(), 0);
   const std::size_t n = poses_.size();
   // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
   std::vector<Rotation> turns(n);
@@ -88,7 +90,7 @@ void Relaxer::FindContacts() {
       for (std::int32_t k = block.begin; k < block.end; ++k) {
         const Vec2 p = place(i, shapes_[i].samples[k]);
         const auto add = [&](bool near, std::int32_t side) {
-          if (near) contacts_.found.push_back({i, k, side});
+          if (near) contacts_.found.push_back({i, k, side, 0});
         };
         add(p.x() < low, -1);
         add(p.x() > high, -2);
@@ -119,7 +121,8 @@ void Relaxer::FindContacts() {
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
       spent_.work += kLookWork * (block.end - block.begin);
       for (std::int32_t k = block.begin; k < block.end; ++k) {
-        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.found.push_back({a, k, b});
+        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach)
+          contacts_.found.push_back({a, k, b, 0});
       }
     }
   };
@@ -132,9 +135,11 @@ void Relaxer::FindContacts() {
 
 double Relaxer::Step() {
   ++spent_.steps;
+  const double farthest = *std::max_element(contacts_.moved.begin(), contacts_.moved.end());
+  if (contacts_.age >= kContactLife && farthest > contacts_.skin) contacts_.age = 0;
   if (contacts_.age == 0) FindContacts();
-  spent_.work += kContactWork * std::ssize(contacts_.found) + kBodyWork * std::ssize(poses_);
-  contacts_.age = (contacts_.age + 1) % kContactLife;
+  ++contacts_.age;
+  std::int64_t looked_at = 0;  // contacts
   // Sums of missing * row and of row * row^T, whose upper half is kept.
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
@@ -160,7 +165,10 @@ double Relaxer::Step() {
     pull.y += missing * y;
     pull.t += missing * t;
   };
-  for (const Contact& contact : contacts_.found) {
+  for (Contact& contact : contacts_.found) {
+    const double moved = Moved(contact);
+    if (moved < contact.far_until) continue;
+    ++looked_at;
     const std::int32_t a = contact.body;
     const double unit = scale_ * relative_[a];
     const Vec2 p = poses_[a].centre + unit * turns[a](shapes_[a].samples[contact.sample]);
@@ -170,6 +178,7 @@ double Relaxer::Step() {
       const bool is_low = contact.other == -1 || contact.other == -3;
       const double low = options_.low + 2 * margins_[a];
       missing = is_low ? low - p[axis] : p[axis] - (1 - low);
+      contact.far_until = static_cast<float>(moved - missing);
       if (missing <= 0) continue;
       Vec2 direction = Vec2::Zero();
       direction[axis] = is_low ? 1 : -1;
@@ -180,6 +189,8 @@ double Relaxer::Step() {
       const Vec2 local = turns[b].Back((p - poses_[b].centre) / other_unit);
       // Most are far enough: their gradients are not needed.
       missing = options_.distance + margins_[a] + margins_[b] - fields_[b].DistanceNear(local, kFar) * other_unit;
+      const double far = std::min(-kSureOfDistance * missing, contacts_.skin);
+      contact.far_until = static_cast<float>(moved + far);
       if (missing <= 0) continue;
       const Vec2 direction = turns[b](fields_[b].Gradient(local));
       push(a, p, direction, missing);
@@ -188,6 +199,8 @@ double Relaxer::Step() {
     worst = std::max(worst, missing);
     energy += missing * missing;
   }
+  spent_.work +=
+      kFarContactWork * std::ssize(contacts_.found) + kContactWork * looked_at + kBodyWork * std::ssize(poses_);
   const double momentum = energy > 1.05 * last_energy_ ? 0.3 : kMomentum;
   last_energy_ = energy;
   for (std::size_t i = 0; i < n; ++i) {
@@ -210,8 +223,17 @@ double Relaxer::Step() {
     v = momentum * v + step;
     poses_[i].centre += v.head<2>();
     poses_[i].angle += v.z() / (shapes_[i].turning_radius * scale_ * relative_[i]);
+    contacts_.moved[i] += v.head<2>().norm() + kTurningPart * std::abs(v.z());
   }
   return worst;
+}
+
+void Relaxer::Rescale(double scale) {
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    const double radius = kTurningPart * shapes_[i].turning_radius * relative_[i];
+    contacts_.moved[i] += std::abs(scale - scale_) * radius;
+  }
+  scale_ = scale;
 }
 
 void Relaxer::Grow(int patience, std::int64_t most_work, double growth) {
@@ -227,7 +249,7 @@ void Relaxer::Grow(int patience, std::int64_t most_work, double growth) {
     if (Step() > options_.tolerance) continue;
     best = before;
     best_scale = scale_;
-    scale_ *= growth;
+    Rescale(growth * scale_);
     stalled = 0;
   }
   poses_ = best;

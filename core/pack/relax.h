@@ -61,9 +61,16 @@ class Relaxer {
   struct Contact {
     std::int32_t body, sample;
     std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
+    float far_until;     // nothing is missing before the two bodies have moved so far (Moved)
   };
 
   void FindContacts();
+  // How far the points of the bodies of a contact have moved since contacts were found, at most, together.
+  double Moved(const Contact& contact) const {
+    return contacts_.moved[contact.body] + (contact.other < 0 ? 0 : contacts_.moved[contact.other]);
+  }
+  // Changes the scale between two steps.
+  void Rescale(double scale);
   // One step; returns how much is missing where most is.
   double Step();
 
@@ -79,7 +86,8 @@ class Relaxer {
   struct {
     double skin;  // how much farther than the distance to be kept they are looked for
     std::vector<Contact> found;
-    int age = 0;  // steps since then
+    std::vector<double> moved;  // of each body: how far its points have moved since then, at most
+    int age = 0;                // steps since then
   } contacts_;
   struct {
     std::int64_t steps = 0, work = 0;

@@ -20,7 +20,7 @@ struct PackTuning {
   double full_work_faces = 60'000;
   // Of the rest. Of normal_share 0.3, 0.35 and 0.4 forty shared meshes fill 0.6977, 0.7007 and 0.7005 of the texture in
   // the mean.
-  double fast_share = 0.25, normal_share = 0.35, best_share = 50;
+  double fast_share = 0.25, normal_share = 0.29, best_share = 50;
   // PackEffort::kNormal has so much in any case: for each of a few charts, for all of them at most, and for each of
   // many charts. 21 meshes of 6 to 634 charts fill, at four paddings, 0.739, 0.738 and 0.737 of the texture in the mean
   // with 2e6 and 20e6, 1.5e6 and 15e6, and 1.2e6 and 12e6.
@@ -75,7 +75,7 @@ struct PackTuning {
   // steps.
   std::int64_t one_lane_work = 1'000'000'000;
   // Moves of single charts in a hop.
-  std::int64_t moves_at_once = 300, moves_at_once_per_chart = 3;
+  std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
   std::size_t most_to_rearrange = 1000;
   // By how much of its record a hop of either lane may lead down (0.740 of the texture on those meshes; with 0 and
