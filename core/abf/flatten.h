@@ -74,8 +74,8 @@ struct FlattenControl : Execution {
   // After a stop request the method ends once no constraint is violated by more than this, radians. On 15 discs, angles
   // with violations below 0.05 had no flip in their layout; most discs are there after two steps.
   double flat_enough = 2e-2;
-  // Where angles collapse, the method ends without having converged instead of going on with a barrier. For charts that
-  // can be cut.
+  // Where angles collapse, or a linear system is hard to solve (StepTuning::iterations_to_give_up), the method ends
+  // without having converged instead of going on with a barrier, or with another solver. For charts that can be cut.
   bool gives_up = false;
   // Called on the calling thread: at the start, after every Newton step and every few dozen linear iterations.
   std::function<void(const FlattenProgress&)> on_progress = {};

@@ -64,6 +64,13 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
                         .step_length = history_.length});
 }
 
+// Other preconditioners, and tolerances of the caller's choice, may take any number of iterations.
+bool Newton::EndsAtHardSystems() const {
+  const bool is_quick =
+      steps_.preconditioner() == PreconditionerType::kAmg || steps_.preconditioner() == PreconditionerType::kCholesky;
+  return control_.gives_up && is_quick && options_.linear_tolerance == 0 && !control_.IsStopRequested();
+}
+
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                             NewtonStep* step) {
   LinearSolveOptions linear;
@@ -85,6 +92,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   } else {
     linear.stop = control_.stop;
   }
+  if (EndsAtHardSystems()) linear.max_iterations = tuning().step.iterations_to_give_up;
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;
@@ -116,6 +124,9 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   if (indefinite && solved.termination != LinearTermination::kConverged &&
       !(solved.true_residual <= tuning().convexity.usable_residual)) {
     return false;
+  }
+  if (EndsAtHardSystems() && !indefinite && solved.termination == LinearTermination::kIterationLimit) {
+    return absl::FailedPreconditionError("the linear system takes too many iterations");
   }
   merit_.UpdatePenalties(at_.mu, step->mu);
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
@@ -287,7 +298,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (moved && AnglesCollapse()) return Ending::kStuck;
     history_.cut_short = false;
     const absl::StatusOr<bool> taken = TakeStep();
-    if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
+    if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
     course_.whole_step = moved && history_.length == 1 && !history_.cut_short;

@@ -99,6 +99,8 @@ class Newton {
   // Solves eq. 5 with `hessian`. True if the merit function falls along `step`; `slope` is its slope there.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                    NewtonStep* step, double* slope);
+  // Whether a linear system that takes too many iterations ends it all (FlattenControl::gives_up).
+  bool EndsAtHardSystems() const;
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function, whose slope along the step is `slope`, and moves there. False

@@ -13,7 +13,7 @@ namespace planish {
 // is the same on any machine. Times in comments are those of one core of the year 2022.
 enum class PackEffort {
   kFast,    // about a quarter of what the charts and their maps cost
-  kNormal,  // about a third of that, or 2 ms a chart, up to 20 ms, where that is more
+  kNormal,  // about a quarter of that and 0.15 ms a chart, or 1.2 ms a chart, up to 12 ms, where that is more
   kBest,    // with more charts (AtlasTuning): 50 times that, or 2 s a chart, up to a minute, where that is more
 };
 // What packing may cost over what the charts and their maps cost.

@@ -18,9 +18,13 @@ struct PackTuning {
   // texture with 100,000 and 0.649, 0.594, 0.738 and 0.665 with 60,000, for 0.96 of the time of the whole unwrap. With
   // the square root nets of 886,000 and 1,147,000 faces filled 0.02 more, for up to 1.18 times the time.
   double full_work_faces = 60'000;
-  // Of the rest. Of normal_share 0.3, 0.35 and 0.4 forty shared meshes fill 0.6977, 0.7007 and 0.7005 of the texture in
-  // the mean.
-  double fast_share = 0.25, normal_share = 0.29, best_share = 50;
+  // Of the rest.
+  double fast_share = 0.25, normal_share = 0.23, best_share = 50;
+  // PackEffort::kNormal has so much for each chart beside its share, for so many of them at most: of many charts, a
+  // share of the rest is used up after one hop. For the same time 17 meshes, at five stretches, fill 0.7308 of the
+  // texture in the mean with a normal_share of 0.29 and nothing for charts, 0.7337 with 0.24 and this. The six scans of
+  // the atlas bench fill 0.817 with both.
+  double normal_per_chart = 150'000, most_charts_to_count = 500;
   // PackEffort::kNormal has so much in any case: for each of a few charts, for all of them at most, and for each of
   // many charts. 21 meshes of 6 to 634 charts fill, at four paddings, 0.739, 0.738 and 0.737 of the texture in the mean
   // with 2e6 and 20e6, 1.5e6 and 15e6, and 1.2e6 and 12e6.

@@ -81,6 +81,7 @@ std::vector<TuningConstant> ConstantsOf(FlattenTuning* tuning) {
       {"step.useless_factorization", &step.useless_factorization},
       {"step.max_multigrid_iterations", &step.max_multigrid_iterations},
       {"step.max_iterations_without_fallback", &step.max_iterations_without_fallback},
+      {"step.iterations_to_give_up", &step.iterations_to_give_up},
       {"step.max_indefinite_iterations", &step.max_indefinite_iterations},
       {"step.indefinite_factor", &step.indefinite_factor},
       {"step.rows_per_weak_row", &step.rows_per_weak_row},
