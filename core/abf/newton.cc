@@ -92,7 +92,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   } else {
     linear.stop = control_.stop;
   }
-  if (EndsAtHardSystems()) linear.max_iterations = tuning().step.iterations_to_give_up;
+  if (EndsAtHardSystems()) linear.max_iterations = options_.tuning.step.iterations_to_give_up;
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;

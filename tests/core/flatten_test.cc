@@ -223,6 +223,27 @@ TEST(Flatten, StopsAtTheIterationLimitAndSaysSo) {
       << result.summary.stop_message;
 }
 
+// Such charts are cut: another solver, or another hundred iterations, would be for nothing.
+TEST(Flatten, EndsAtAHardSystemIfTheCallerGivesUp) {
+  const Disc disc(testing::Hills(30, 30, 1.5));
+  FlattenOptions options;
+  options.preconditioner = PreconditionerType::kAmg;
+  options.tuning.step.iterations_to_give_up = 1;
+  FlattenControl control;
+  const auto run = [&] { return FlattenAngles(disc.topology, disc.target, options, control)->summary; };
+  EXPECT_TRUE(run().converged) << "nobody gives up";
+  control.gives_up = true;
+  const FlattenSummary given_up = run();
+  EXPECT_FALSE(given_up.converged);
+  EXPECT_EQ(given_up.linear_iterations, 1);
+  EXPECT_FALSE(given_up.preconditioner_changed);
+  options.preconditioner = PreconditionerType::kJacobi;
+  EXPECT_TRUE(run().converged) << "without multigrid, many iterations are to be expected";
+  options.preconditioner = PreconditionerType::kAmg;
+  options.linear_tolerance = 1e-6;
+  EXPECT_TRUE(run().converged) << "a tolerance of one's own takes what it takes";
+}
+
 TEST(Flatten, ReportsThePreconditionerThatTheSizeChose) {
   const Disc disc(testing::Hills(30, 30, 1.5));
   FlattenOptions options;
