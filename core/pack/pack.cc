@@ -78,7 +78,8 @@ class Packer {
       return std::max(share, std::min(tuning_.best_per_few * charts, tuning_.least_best_work));
     }
     const double of_few = std::min(tuning_.least_per_few * charts, tuning_.least_work);
-    const double of_charts = tuning_.normal_per_chart * std::min(charts, tuning_.most_charts_to_count);
+    const double of_charts = std::min(tuning_.normal_per_chart * std::min(charts, tuning_.most_charts_to_count),
+                                      tuning_.most_of_charts * rest);
     return std::max({share + of_charts, of_few, tuning_.least_per_chart * charts});
   }
 
