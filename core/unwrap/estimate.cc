@@ -71,7 +71,7 @@ double Pieces(double faces, double vertices) {
 }
 
 // What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
-constexpr double kFewCharts = 8;
+constexpr double kFewCharts = 7.5;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
