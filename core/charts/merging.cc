@@ -16,6 +16,7 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
+constexpr double kBelow = 0.999;  // of two limits of stretch, to be told apart
 
 struct Disc {
   std::vector<std::int32_t> faces;     // none: glued to another one
@@ -73,7 +74,28 @@ class Merging {
       estimate_.Keep();
       WalkOutline(d);
     }
-    for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) PushJoints(d, false);
+    // At a higher limit at once, discs take what borders most on them, whatever it costs in stretch, and end up more.
+    const double most = max_stretch_;
+    for (double above = tuning_.first_stretch; above < kBelow * (most - 1); above *= tuning_.stretch_growth) {
+      max_stretch_ = 1 + above;
+      Merge(execution);
+      failed_.clear();
+      for (Disc& disc : discs_) ++disc.version;
+    }
+    max_stretch_ = most;
+    Merge(execution);
+    NumberByFirst(discs_.size(), &disc_of_);
+  }
+
+  std::vector<float> TakeKept() { return estimate_.TakeKept(); }
+
+ private:
+  // Glues discs as long as the present limit of stretch allows that.
+  void Merge(const Execution& execution) {
+    const auto count = static_cast<std::int32_t>(discs_.size());
+    for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {
+      if (!discs_[d].faces.empty()) PushJoints(d, false);
+    }
     const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
     while (!queue_.empty() && goes_on()) {
       while (!queue_.empty() && goes_on()) {
@@ -97,12 +119,8 @@ class Merging {
         PushJoints(d, true);
       }
     }
-    NumberByFirst(discs_.size(), &disc_of_);
   }
 
-  std::vector<float> TakeKept() { return estimate_.TakeKept(); }
-
- private:
   // Length, less where the surface bends.
   double EdgeWeight(HalfedgeHandle h) const {
     return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
@@ -253,7 +271,7 @@ class Merging {
     PushJoints(to, true);
   }
 
-  const double max_stretch_;
+  double max_stretch_;  // at present
   const AtlasTuning& tuning_;
   const Surface& surface_;
   const TriMesh& mesh_;

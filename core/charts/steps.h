@@ -27,8 +27,9 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
 // `disc` tells the disc, in [0, count), that each face belongs to, -1 for those to leave alone; on return they are
 // numbered in the order of their lowest faces. Glues discs along their borders: first where a border is most of a
 // disc's outline and bends least, as long as the estimated stretch of the union stays below max_stretch (or no higher
-// than that of the parts, where these are above it already). O(F log F) work for estimates, which start from `kept` and
-// leave there what they have come to (StretchEstimate::TakeKept()).
+// than that of the parts, where these are above it already). Limits above AtlasTuning::first_stretch are reached in
+// steps. O(F log F) work for estimates, which start from `kept` and leave there what they have come to
+// (StretchEstimate::TakeKept()).
 // After a stop request it leaves the discs as they are by then. Of no use after a cancellation.
 void MergeDiscs(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
                 Gluing* gluing, std::vector<std::int32_t>* disc, std::vector<float>* kept);

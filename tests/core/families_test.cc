@@ -165,6 +165,25 @@ TEST(BrokenPromises, AreSeen) {
   EXPECT_EQ(testing::BrokenPromises(mesh, options, widened).size(), 1u) << "a face that is thick enough";
 }
 
+// Limits are reached in steps (AtlasTuning::first_stretch). At once, the first two had 28 charts at 1.1 and 41 at 1.2,
+// and 131 and 157 at 1.3.
+TEST(FamilyRegression, MoreStretchMakesNoMoreCharts) {
+  for (const auto& [family, seed] : std::multimap<std::string, std::uint64_t>{
+           {"high_genus", 4}, {"assembly", 3}, {"spikes", 2}, {"quantized", 4}, {"surface_nets", 3}}) {
+    const Mesh mesh = testing::MakeFamily(family, seed, 2500);
+    double fewest = static_cast<double>(mesh.num_faces());
+    for (const double limit : {1.05, 1.1, 1.2, 1.3, 1.5, 2.0}) {
+      UnwrapOptions options;
+      options.seams.max_stretch = limit;
+      const auto result = Unwrap(mesh, options, {});
+      ASSERT_TRUE(result.ok()) << result.status();
+      const auto charts = static_cast<double>(result->charts.size());
+      EXPECT_LE(charts, 1.05 * fewest) << family << " " << seed << " at " << limit;
+      fewest = std::min(fewest, charts);
+    }
+  }
+}
+
 // Of a ball every way of contouring makes a closed surface: each edge has two faces, in opposite senses.
 TEST(Isosurface, IsClosed) {
   for (const testing::Contouring contouring :

@@ -135,7 +135,6 @@ TEST_F(SharedMeshes, TheSphereThroughAThreeEdgeHoleConverges) {
   EXPECT_EQ(result->warnings.at(0).reason, "BARRIER_KEPT");
 }
 
-// Discs are glued in an order that does not depend on the limit, but what is cut again does.
 TEST_F(SharedMeshes, MoreStretchDoesNotMeanMoreCharts) {
   for (const char* const file : {"wuson_3732.obj", "spider_1368.obj", "featuretype_needles_3476.obj"}) {
     const Mesh mesh = testing::ReadTriangleObj(kMeshes / file);
