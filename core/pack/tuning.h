@@ -78,7 +78,8 @@ struct PackTuning {
   // two paddings, fill 0.8063 of the texture in the mean with two lanes, 0.8082 with one, 0.8086 with these first
   // steps.
   std::int64_t one_lane_work = 1'000'000'000;
-  // Moves of single charts in a hop.
+  // Moves of single charts in a hop. With 200 and 2 in place of 300 and 3 packing takes 0.93 of the time, and the copies
+  // of charts/tuning.h fill 0.8299 in place of 0.8307 of the texture.
   std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
   std::size_t most_to_rearrange = 1000;
