@@ -16,7 +16,7 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr double kBelow = 0.999;  // of two limits of stretch, to be told apart
+constexpr double kNearLimit = 0.999;  // of the last limit of stretch: a step that comes nearer is left out
 
 struct Disc {
   std::vector<std::int32_t> faces;     // none: glued to another one
@@ -76,7 +76,7 @@ class Merging {
     }
     // At a higher limit at once, discs take what borders most on them, whatever it costs in stretch, and end up more.
     const double most = max_stretch_;
-    for (double above = tuning_.first_stretch; above < kBelow * (most - 1); above *= tuning_.stretch_growth) {
+    for (double above = tuning_.first_stretch; above < kNearLimit * (most - 1); above *= tuning_.stretch_growth) {
       max_stretch_ = 1 + above;
       Merge(execution);
       failed_.clear();

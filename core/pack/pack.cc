@@ -79,7 +79,7 @@ class Packer {
     }
     const double of_few = std::min(tuning_.least_per_few * charts, tuning_.least_work);
     const double of_charts = std::min(tuning_.normal_per_chart * std::min(charts, tuning_.most_charts_to_count),
-                                      tuning_.most_of_charts * rest);
+                                      tuning_.charts_share * rest);
     return std::max({share + of_charts, of_few, tuning_.least_per_chart * charts});
   }
 

@@ -90,7 +90,7 @@ void Relaxer::FindContacts() {
       for (std::int32_t k = block.begin; k < block.end; ++k) {
         const Vec2 p = place(i, shapes_[i].samples[k]);
         const auto add = [&](bool near, std::int32_t side) {
-          if (near) contacts_.found.push_back({i, k, side, 0});
+          if (near) contacts_.found.push_back({i, k, side});
         };
         add(p.x() < low, -1);
         add(p.x() > high, -2);
@@ -121,8 +121,7 @@ void Relaxer::FindContacts() {
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
       spent_.work += kLookWork * (block.end - block.begin);
       for (std::int32_t k = block.begin; k < block.end; ++k) {
-        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach)
-          contacts_.found.push_back({a, k, b, 0});
+        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.found.push_back({a, k, b});
       }
     }
   };
@@ -135,9 +134,10 @@ void Relaxer::FindContacts() {
 
 double Relaxer::Step() {
   ++spent_.steps;
-  const double farthest = *std::max_element(contacts_.moved.begin(), contacts_.moved.end());
-  if (contacts_.age >= kContactLife && farthest > contacts_.skin) contacts_.age = 0;
-  if (contacts_.age == 0) FindContacts();
+  const auto have_moved = [&] {
+    return *std::max_element(contacts_.moved.begin(), contacts_.moved.end()) > contacts_.skin;
+  };
+  if (contacts_.age == 0 || (contacts_.age >= kContactLife && have_moved())) FindContacts();
   ++contacts_.age;
   std::int64_t looked_at = 0;  // contacts
   // Sums of missing * row and of row * row^T, whose upper half is kept.
@@ -228,7 +228,7 @@ double Relaxer::Step() {
   return worst;
 }
 
-void Relaxer::Rescale(double scale) {
+void Relaxer::set_scale(double scale) {
   for (std::size_t i = 0; i < poses_.size(); ++i) {
     const double radius = kTurningPart * shapes_[i].turning_radius * relative_[i];
     contacts_.moved[i] += std::abs(scale - scale_) * radius;
@@ -249,7 +249,7 @@ void Relaxer::Grow(int patience, std::int64_t most_work, double growth) {
     if (Step() > options_.tolerance) continue;
     best = before;
     best_scale = scale_;
-    Rescale(growth * scale_);
+    set_scale(growth * scale_);
     stalled = 0;
   }
   poses_ = best;

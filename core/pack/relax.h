@@ -32,7 +32,7 @@ class Relaxer {
 
   std::vector<Pose>& poses() { return poses_; }
   double scale() const { return scale_; }
-  void set_scale(double scale) { scale_ = scale; }
+  void set_scale(double scale);
   // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
   std::int64_t work() const { return spent_.work; }
   // Per chart: kept in addition to the distance; 0 at first.
@@ -60,8 +60,8 @@ class Relaxer {
   };
   struct Contact {
     std::int32_t body, sample;
-    std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
-    float far_until;     // nothing is missing before the two bodies have moved so far (Moved)
+    std::int32_t other;   // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
+    float far_until = 0;  // nothing is missing before the two bodies have moved so far (Moved)
   };
 
   void FindContacts();
@@ -69,8 +69,6 @@ class Relaxer {
   double Moved(const Contact& contact) const {
     return contacts_.moved[contact.body] + (contact.other < 0 ? 0 : contacts_.moved[contact.other]);
   }
-  // Changes the scale between two steps.
-  void Rescale(double scale);
   // One step; returns how much is missing where most is.
   double Step();
 

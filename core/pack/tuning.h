@@ -20,11 +20,11 @@ struct PackTuning {
   double full_work_faces = 60'000;
   // Of the rest.
   double fast_share = 0.25, normal_share = 0.23, best_share = 50;
-  // PackEffort::kNormal has so much for each chart beside its share, for so many of them at most, and no more than this
-  // share of the rest: of many charts, normal_share is used up after one hop. For the same time 17 meshes, at five
-  // stretches, fill 0.7308 of the texture in the mean with a normal_share of 0.29 and nothing for charts, 0.7337 with
-  // 0.24 and this. The six scans of the atlas bench fill 0.817 with both.
-  double normal_per_chart = 150'000, most_charts_to_count = 500, most_of_charts = 0.15;
+  // PackEffort::kNormal has so much for each chart beside its share, for most_charts_to_count of them at most, and no
+  // more than charts_share of the rest: of many charts, normal_share is used up after one hop. For the same time 17
+  // meshes, at five stretches, fill 0.7308 of the texture in the mean with a normal_share of 0.29 and nothing for
+  // charts, 0.7337 with 0.24 and this. The six scans of the atlas bench fill 0.817 with both.
+  double normal_per_chart = 150'000, most_charts_to_count = 500, charts_share = 0.15;
   // PackEffort::kNormal has so much in any case: for each of a few charts, for all of them at most, and for each of
   // many charts. 21 meshes of 6 to 634 charts fill, at four paddings, 0.739, 0.738 and 0.737 of the texture in the mean
   // with 2e6 and 20e6, 1.5e6 and 15e6, and 1.2e6 and 12e6.
@@ -78,8 +78,8 @@ struct PackTuning {
   // two paddings, fill 0.8063 of the texture in the mean with two lanes, 0.8082 with one, 0.8086 with these first
   // steps.
   std::int64_t one_lane_work = 1'000'000'000;
-  // Moves of single charts in a hop. With 200 and 2 in place of 300 and 3 packing takes 0.93 of the time, and the copies
-  // of charts/tuning.h fill 0.8299 in place of 0.8307 of the texture.
+  // Moves of single charts in a hop. With 200 and 2 in place of 300 and 3 packing takes 0.93 of the time, and the
+  // copies of charts/tuning.h fill 0.8299 in place of 0.8307 of the texture.
   std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
   std::size_t most_to_rearrange = 1000;
