@@ -26,13 +26,15 @@ std::vector<std::int32_t> LargestFirst(const std::vector<double>& size) {
 
 class Packer {
  public:
-  Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
+  Packer(std::size_t count, const std::function<PackChart(std::size_t)>& make_chart, const PackOptions& options,
+         const Execution& execution)
       : options_(options), tiles_{options.tiles, options.atlases}, tuning_(options.tuning), execution_(execution) {
-    charts_.outlines.reserve(charts.size());
-    charts_.density.reserve(charts.size());
-    charts_.atlas.reserve(charts.size());
+    charts_.outlines.reserve(count);
+    charts_.density.reserve(count);
+    charts_.atlas.reserve(count);
     std::vector<double> areas(options.atlases, 0.0);
-    for (PackChart& chart : charts) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const PackChart chart = make_chart(i);
       charts_.outlines.push_back(MakeOutline(chart));
       charts_.density.push_back(chart.density);
       charts_.atlas.push_back(chart.atlas);
@@ -40,12 +42,11 @@ class Packer {
       const double area = charts_.outlines.back().area * chart.density * chart.density;
       areas[chart.atlas] += area;
       charts_.total_area += area;
-      chart = {};
     }
     charts_.largest_area = *std::max_element(areas.begin(), areas.end());
     work_.budget = Budget();
-    charts_.size.resize(charts.size());
-    for (std::size_t i = 0; i < charts.size(); ++i) {
+    charts_.size.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
       const Box box = BoxAt(charts_.outlines[i], charts_.outlines[i].upright);
       charts_.size[i] = charts_.density[i] * (box.high - box.low).sum();
     }
@@ -512,7 +513,13 @@ Vec2 CornerOfTile(int tile) {
 }
 
 Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution) {
-  return Packer(std::move(charts), options, execution).Run();
+  return Pack(
+      charts.size(), [&](std::size_t i) { return std::exchange(charts[i], {}); }, options, execution);
+}
+
+Packing Pack(std::size_t count, const std::function<PackChart(std::size_t)>& make_chart, const PackOptions& options,
+             const Execution& execution) {
+  return Packer(count, make_chart, options, execution).Run();
 }
 
 }  // namespace planish

@@ -1,6 +1,8 @@
 // Charts into a texture: turns, moves and scales them so that none comes near another.
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -74,5 +76,9 @@ struct Packing {
 // Work is near-linear in the number of charts. After a stop request the first places that keep the distances stand.
 // After a cancellation the result is incomplete and must not be used.
 Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution = {});
+// The same of `count` charts that are made one after the other by make_chart(i), and not kept: all of them may take as
+// much memory as packing them.
+Packing Pack(std::size_t count, const std::function<PackChart(std::size_t)>& make_chart, const PackOptions& options,
+             const Execution& execution = {});
 
 }  // namespace planish

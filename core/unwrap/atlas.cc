@@ -55,23 +55,25 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   atlas->padding = tiles.padding;
   for (const auto& [group, own] : at_once) {
     if (execution.IsCancelled()) return;
-    std::vector<PackChart> to_pack;
-    to_pack.reserve(own.size());
-    for (const std::int32_t i : own) {
-      const MappedChart& mapped = charts.charts[i];
-      to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
-                         WeightOf(options, *charts.surface, mapped.chart),
-                         stacked ? 0 : AtlasOf(options, mapped.chart.faces.front())});
-    }
-    const Packing packing = Pack(std::move(to_pack), tiles, execution);
+    const auto make_chart = [&, &own = own](std::size_t k) -> PackChart {
+      const MappedChart& mapped = charts.charts[own[k]];
+      return {mapped.map.positions, mapped.chart.topology->faces, WeightOf(options, *charts.surface, mapped.chart),
+              stacked ? 0 : AtlasOf(options, mapped.chart.faces.front())};
+    };
+    Packing packing = Pack(own.size(), make_chart, tiles, execution);
     for (auto& [number, report] : reports) {
       if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
     }
     for (std::size_t k = 0; k < own.size(); ++k) {
       AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart.faces.front())];
-      (*placements)[own[k]] = packing.charts[k];
       ++report.charts;
       report.tiles = std::max(report.tiles, packing.charts[k].tile + 1 - report.first_tile);
+    }
+    if (at_once.size() == 1) {
+      *placements = std::move(packing.charts);
+    } else {
+      placements->resize(charts.count());
+      for (std::size_t k = 0; k < own.size(); ++k) (*placements)[own[k]] = packing.charts[k];
     }
     atlas->tiles = std::max(atlas->tiles, packing.tiles);
     atlas->scale = std::min(atlas->scale, packing.scale);
@@ -85,8 +87,8 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
 Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
             std::vector<ChartPlacement>* placements) {
   Atlas atlas;
-  placements->resize(charts->count());
   if (!options.pack) {
+    placements->resize(charts->count());
     for (std::int32_t i = 0; i < charts->count(); ++i) {
       Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
       for (const Vec2& p : charts->charts[i].map.positions) low = low.cwiseMin(p);
@@ -96,6 +98,7 @@ Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execut
   }
   if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
+    placements->resize(1);
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
     return atlas;
   }
@@ -168,9 +171,9 @@ absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts) {
     const Chart& chart = charts->charts[i].chart;
     const std::vector<Vec2>& positions = charts->charts[i].map.positions;
     const ChartPlacement& place = placements[i];
-    job->execution.ForEach(chart.topology.num_faces(), [&](std::int64_t f) {
+    job->execution.ForEach(chart.topology->num_faces(), [&](std::int64_t f) {
       for (int k = 0; k < 3; ++k) {
-        const Vec2& p = positions[chart.topology.faces[f][k]];
+        const Vec2& p = positions[chart.topology->faces[f][k]];
         SetUv(3 * chart.faces[f] + k, stays ? Vec2(p + place.offset) : place(p), &atlas.uv);
       }
     });

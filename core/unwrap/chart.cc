@@ -24,9 +24,9 @@ using Corners3 = std::array<Vec3, 3>;  // on the surface
 // so that vertices of the chart which are one in the mesh are neighbours.
 std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const Chart& chart) {
   std::vector<std::array<std::int32_t, 3>> outline;
-  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-    if (chart.topology.opposite[c] >= 0) continue;
-    outline.push_back({mesh.faces[chart.faces[c / 3]][Next(c % 3)], Origin(chart.topology.faces, c), c});
+  for (std::int32_t c = 0; c < chart.topology->num_corners(); ++c) {
+    if (chart.topology->opposite[c] >= 0) continue;
+    outline.push_back({mesh.faces[chart.faces[c / 3]][Next(c % 3)], Origin(chart.topology->faces, c), c});
   }
   std::sort(outline.begin(), outline.end());
   return outline;
@@ -37,7 +37,7 @@ std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const
 // a rounding error, one side could come to lie on the other when it is rounded again.
 std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::vector<Vec2>* positions) {
   constexpr double kCoincide = 1e-6;  // of the edge's length
-  const std::vector<Face>& faces = chart.topology.faces;
+  const std::vector<Face>& faces = chart.topology->faces;
   const std::vector<Vec2>& p = *positions;
   std::vector<std::int32_t> closed;
   std::vector<std::pair<std::int32_t, std::int32_t>> same;
@@ -103,8 +103,8 @@ constexpr double kLeastArea = 1e-4;
 // To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
 // larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = execution.SumUp<Extent>(chart.topology.num_faces(), [&](std::int32_t f, Extent* sum) {
-    const Corners2 p = TriangleOf(*positions, chart.topology.faces[f]);
+  const auto extent = execution.SumUp<Extent>(chart.topology->num_faces(), [&](std::int32_t f, Extent* sum) {
+    const Corners2 p = TriangleOf(*positions, chart.topology->faces[f]);
     const Corners3 q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
     for (int k = 0; k < 3; ++k) {
       sum->map_edges += (p[Next(k)] - p[k]).norm();
@@ -124,9 +124,9 @@ void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execu
 
 // The corners of the chart's faces, in the order of its topology.
 CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
-  CornerUv uv(2 * chart.topology.num_corners());
-  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-    SetUv(c, positions[chart.topology.faces[c / 3][c % 3]], &uv);
+  CornerUv uv(2 * chart.topology->num_corners());
+  for (std::int32_t c = 0; c < chart.topology->num_corners(); ++c) {
+    SetUv(c, positions[chart.topology->faces[c / 3][c % 3]], &uv);
   }
   return uv;
 }
@@ -147,9 +147,9 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
           (Vec2(cosine * p.x() - sine * p.y(), sine * p.x() + cosine * p.y()) / resolution).array().round().matrix();
     }
     std::vector<char> left_out(chart.faces.size());
-    for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
+    for (std::int32_t f = 0; f < chart.topology->num_faces(); ++f) {
       left_out[f] =
-          (!ignored.empty() && ignored[f] != 0) || Orientation(TriangleOf(positions, chart.topology.faces[f])) <= 0;
+          (!ignored.empty() && ignored[f] != 0) || Orientation(TriangleOf(positions, chart.topology->faces[f])) <= 0;
     }
     const CornerUv uv = UvOfChart(chart, positions);
     const OrientationFaults orientation = CheckOrientations(uv, execution, left_out);
@@ -167,7 +167,7 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   constexpr std::int64_t kTestsPerEdge = 64;
   if (!(resolution > 0) || !map.closed_slits.empty()) return false;
   const double least = kMargin * resolution;
-  const Topology& topology = chart.topology;
+  const Topology& topology = *chart.topology;
   for (const Face& face : topology.faces) {
     const Corners2 p = TriangleOf(map.positions, face);
     if (!(DoubleArea(p) > least * LongestEdge(p))) return false;
@@ -203,23 +203,14 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   return true;
 }
 
-// A triangle by itself, by its edges. Its angles do not tell as much: where two of them are `a` radians, their rounding
-// moves a corner along the longest edge by the part eps / a of the edge, which is far more than the altitude of a
-// needle.
-std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
-  const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
-  const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };
-  const int first = std::max({0, 1, 2}, [&](int a, int b) { return length(a) < length(b); });
-  const double longest = length(first);
-  const Vec3& origin = mesh.positions[corners[first]];
-  const Vec3 along = (mesh.positions[corners[Next(first)]] - origin) / longest;
-  const Vec3 apex = mesh.positions[corners[Prev(first)]] - origin;
-  std::vector<Vec2> positions(3);
-  const std::array<std::int32_t, 3>& vertices = chart.topology.faces[0];
-  positions[vertices[first]] = Vec2::Zero();
-  positions[vertices[Next(first)]] = Vec2(longest, 0);
-  positions[vertices[Prev(first)]] = Vec2(apex.dot(along), along.cross(apex).norm());
-  return positions;
+// That of a triangle by itself.
+const std::shared_ptr<const Topology>& OfTriangle() {
+  static const std::shared_ptr<const Topology> topology = [] {
+    std::vector<std::int32_t> order;
+    return std::make_shared<const Topology>(
+        MakeTopology({{{0, 1, 2}}, {-1, -1, -1}, std::vector<Vec3>(3, Vec3::Zero())}, &order));
+  }();
+  return topology;
 }
 
 }  // namespace
@@ -227,7 +218,12 @@ std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
 Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
                 const std::vector<std::pair<std::int32_t, std::int32_t>>& slits, const Execution& execution) {
   Chart chart;
-  chart.topology = MakeTopology(disc, &chart.faces, execution);
+  if (disc.faces.size() == 1 && disc.faces[0] == Face{0, 1, 2} && disc.opposite == OfTriangle()->opposite) {
+    chart.topology = OfTriangle();
+    chart.faces = {0};
+  } else {
+    chart.topology = std::make_shared<const Topology>(MakeTopology(disc, &chart.faces, execution));
+  }
   std::vector<std::int32_t> place;
   if (!slits.empty()) place.resize(chart.faces.size());
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(place.size()); ++f) place[chart.faces[f]] = f;
@@ -237,7 +233,7 @@ Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
 }
 
 std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std::vector<std::int32_t>& closed_slits) {
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
+  std::vector<std::int32_t> opposite = chart.topology->opposite;
   for (const std::int32_t i : closed_slits) {
     const auto [c, d] = chart.slits[i];
     opposite[c] = d;
@@ -248,8 +244,8 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std:
 
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
   std::vector<Vec2> outline;
-  const Loops loops = BoundaryLoops(chart.topology.opposite);
-  for (const std::int32_t c : loops[0]) outline.push_back(positions[Origin(chart.topology.faces, c)]);
+  const Loops loops = BoundaryLoops(chart.topology->opposite);
+  for (const std::int32_t c : loops[0]) outline.push_back(positions[Origin(chart.topology->faces, c)]);
   return outline;
 }
 
@@ -264,9 +260,9 @@ double ExtentOf(const std::vector<Vec2>& points) {
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution) {
   ChartFaults faults;
-  const auto sums = execution.SumUp<MapSums>(chart.topology.num_faces(), [&](std::int32_t f, MapSums* sum) {
+  const auto sums = execution.SumUp<MapSums>(chart.topology->num_faces(), [&](std::int32_t f, MapSums* sum) {
     if (chart.is_widened(f) || (!ignored.empty() && ignored[chart.faces[f]])) return;
-    sum->Add(TriangleOf(map.positions, chart.topology.faces[f]).data(),
+    sum->Add(TriangleOf(map.positions, chart.topology->faces[f]).data(),
              TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]).data());
   });
   faults.stretch = sums.StretchL2();
@@ -294,16 +290,35 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
 
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
-  std::vector<Vec2> positions = chart.is_triangle_as_measured() ? LayOutTriangle(mesh, chart)
-                                                                : LayOut(chart.topology, flattening.angles, execution);
-  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(positions), execution);
+  auto summary = std::make_shared<const FlattenSummary>(std::move(flattening.summary));
+  if (chart.is_triangle_as_measured()) return LayOutTriangle(mesh, chart, std::move(summary), execution);
+  return PlaceChart(mesh, chart, std::move(summary), LayOut(*chart.topology, flattening.angles, execution), execution);
 }
 
-absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
+                                        std::shared_ptr<const FlattenSummary> summary, const Execution& execution) {
+  // Its angles do not tell as much as its edges: where two of them are `a` radians, their rounding moves a corner along
+  // the longest edge by the part eps / a of the edge, which is far more than the altitude of a needle.
+  const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
+  const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };
+  const int first = std::max({0, 1, 2}, [&](int a, int b) { return length(a) < length(b); });
+  const double longest = length(first);
+  const Vec3& origin = mesh.positions[corners[first]];
+  const Vec3 along = (mesh.positions[corners[Next(first)]] - origin) / longest;
+  const Vec3 apex = mesh.positions[corners[Prev(first)]] - origin;
+  std::vector<Vec2> positions(3);
+  const std::array<std::int32_t, 3>& vertices = chart.topology->faces[0];
+  positions[vertices[first]] = Vec2::Zero();
+  positions[vertices[Next(first)]] = Vec2(longest, 0);
+  positions[vertices[Prev(first)]] = Vec2(apex.dot(along), along.cross(apex).norm());
+  return PlaceChart(mesh, chart, std::move(summary), std::move(positions), execution);
+}
+
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, std::shared_ptr<const FlattenSummary> summary,
                                     std::vector<Vec2> positions, const Execution& execution) {
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   ChartMap map;
-  map.flatten = std::make_shared<const FlattenSummary>(std::move(summary));
+  map.flatten = std::move(summary);
   if (!std::all_of(positions.begin(), positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrCat("the layout has non-finite coordinates; ", map.flatten->stop_message));

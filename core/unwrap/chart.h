@@ -17,8 +17,8 @@ namespace planish {
 
 // Its faces are numbered in the order of its topology (MakeTopology()).
 struct Chart {
-  Topology topology;
-  std::vector<std::int32_t> faces;  // the mesh's, of each face
+  std::shared_ptr<const Topology> topology;  // never null in a chart with faces; single triangles share one
+  std::vector<std::int32_t> faces;           // the mesh's, of each face
   // Corners that face the same edge from either side of a slit, where the chart's outline meets itself on the surface.
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
   // Per face: the least angle that its map may have, radians (widening.h); 0: the angles on the surface are kept.
@@ -75,8 +75,12 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
 // flat sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution);
-// The second half of that: from positions in any unit to the map.
-absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+// The same of a chart that is_triangle_as_measured(), by its edges: there is nothing to solve. Such charts are solved
+// alike, and there may be a hundred thousand of them: one summary serves all.
+absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
+                                        std::shared_ptr<const FlattenSummary> summary, const Execution& execution);
+// The second half of both: from positions in any unit to the map.
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, std::shared_ptr<const FlattenSummary> summary,
                                     std::vector<Vec2> positions, const Execution& execution);
 
 }  // namespace planish

@@ -242,14 +242,14 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
   filled.topology = MakeTopology(glued, &order, execution);
   filled.places = std::move(glued.positions);
   for (const std::int32_t f : order) {
-    for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
+    for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology->num_faces() ? 3 * f + k : -1);
   }
   return filled;
 }
 
 // The chart as it is, slit.
 FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
-  const Topology& topology = chart.topology;
+  const Topology& topology = *chart.topology;
   FilledChart same = {topology, std::vector<std::int32_t>(topology.num_corners()),
                       std::vector<Vec3>(topology.num_vertices)};
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
@@ -268,7 +268,7 @@ struct Candidate {
   FlattenSummary summary;             // of the first solve
   std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
 
-  const Topology& topology() const { return mapped->chart.topology; }
+  const Topology& topology() const { return *mapped->chart.topology; }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
     return !mapped->faults.is_injective ||
@@ -295,7 +295,8 @@ absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& fill
     const Eigen::Vector3d off = angles - target.angle.segment<3>(3 * f);
     summary.energy += target.weight.segment<3>(3 * f).cwiseProduct(off.cwiseAbs2()).sum();
   }
-  return PlaceChart(c.job->mesh, c.mapped->chart, std::move(summary), std::move(positions), c.execution);
+  return PlaceChart(c.job->mesh, c.mapped->chart, std::make_shared<const FlattenSummary>(std::move(summary)),
+                    std::move(positions), c.execution);
 }
 
 // By ABF of the filled chart; all slits are closed. Fans take the angles that the faces round a hole leave them, and

@@ -117,7 +117,7 @@ std::vector<std::int32_t> PartAlong(const std::vector<std::pair<Vec2, Vec2>>& ch
 // it must not be parted from, and one for each connected piece of the others. Empty if that makes no two parts.
 std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, const CornerUv& uv) {
   const Chart& chart = charts.charts[number].chart;
-  const Topology& topology = chart.topology;
+  const Topology& topology = *chart.topology;
   std::int32_t groups = 0, parts = 0;
   const std::vector<std::int32_t> group = UncutGroups(*charts.surface, topology.opposite, chart.faces, &groups);
   std::vector<char> is_alone(groups, 0);
@@ -205,7 +205,7 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
 double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atlas, const Delivery& delivery,
                           const Chart& chart) {
   MapSums sums;
-  for (std::int32_t i = 0; i < chart.topology.num_faces(); ++i) {
+  for (std::int32_t i = 0; i < chart.topology->num_faces(); ++i) {
     const std::int32_t f = chart.faces[i];
     if (chart.is_widened(i) || charts.is_ignored(f)) continue;
     if (IsThin(job.mesh, delivery.uv, atlas.scale, delivery.precision, chart, f)) continue;

@@ -45,7 +45,7 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
   constexpr double kWorthSaying = 1e-3;  // of the energy before rounding
   double energy = 0, angles = 0;
   for (const ChartReport& chart : result->charts) {
-    energy += chart.flatten.energy;
+    energy += chart.flatten->energy;
     angles += 3.0 * static_cast<double>(chart.triangles);
   }
   const double solved = energy / angles, lost = result->quality.abf_energy - solved;
@@ -202,10 +202,10 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
     const Eigen::VectorXd measured = charts.AnglesOf(job->mesh, chart, job->execution);
     const DistortionSums own =
-        MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),
+        MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(*chart.topology, measured, job->execution),
                           result.uv, charts.ignored, job->execution);
     all.Add(own);
-    result.charts.push_back({chart.topology.num_faces(), *map.flatten, map.is_barycentric, own.map.StretchL2()});
+    result.charts.push_back({chart.topology->num_faces(), map.flatten, map.is_barycentric, own.map.StretchL2()});
   }
   all.Fill(&result.quality);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");

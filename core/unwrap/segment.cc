@@ -127,8 +127,8 @@ constexpr std::size_t kFewestToCut = 3;
 
 // Whether there is an edge inside of the chart at which it may be cut.
 bool CanBeParted(const Surface& surface, const Chart& chart) {
-  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-    if (chart.topology.opposite[c] < 0) continue;
+  for (std::int32_t c = 0; c < chart.topology->num_corners(); ++c) {
+    if (chart.topology->opposite[c] < 0) continue;
     if (!surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
   }
   return false;
@@ -153,8 +153,8 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
 
 Eigen::VectorXd Charts::AnglesOf(const Mesh& mesh, const Chart& chart, const Execution& execution) const {
   if (!surface) return MeasuredAngles(mesh, chart.faces, execution);
-  Eigen::VectorXd angles(chart.topology.num_corners());
-  execution.ForEach(chart.topology.num_faces(), [&](std::int64_t f) {
+  Eigen::VectorXd angles(chart.topology->num_corners());
+  execution.ForEach(chart.topology->num_faces(), [&](std::int64_t f) {
     const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(*surface->mesh, FaceHandle(chart.faces[f]));
     for (int k = 0; k < 3; ++k) angles[3 * f + k] = surface->angle[half_edges[k].idx()];
   });

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <memory>
 #include <thread>
 #include <utility>
 
@@ -37,12 +38,18 @@ bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
          (!mapped.map.flatten->converged || mapped.map.flatten->barrier > 0);
 }
 
-// Layout and faults. Where faces are too thin, the chart is solved again with these widened.
-absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedChart* mapped,
+// Layout and faults. Where faces are too thin, the chart is solved again with these widened. `of_triangle`: the solve
+// of a chart that has none of its own.
+absl::Status Finish(Job* job, const Charts& charts, std::int32_t number,
+                    const std::shared_ptr<const FlattenSummary>& of_triangle, MappedChart* mapped,
                     const Execution& execution) {
-  PLANISH_ASSIGN_OR_RETURN(mapped->map,
-                           LayOutChart(job->mesh, mapped->chart, std::move(*mapped->flattening), execution));
-  mapped->flattening.reset();
+  if (mapped->flattening == nullptr) {
+    PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutTriangle(job->mesh, mapped->chart, of_triangle, execution));
+  } else {
+    PLANISH_ASSIGN_OR_RETURN(mapped->map,
+                             LayOutChart(job->mesh, mapped->chart, std::move(*mapped->flattening), execution));
+    mapped->flattening.reset();
+  }
   if (charts.grain > 0 && !IsCutAnyway(*job, *mapped)) {
     for (int i = 0; i < kMostWidenings; ++i) {
       if (!WidenInMap(job->mesh, mapped->map, charts.grain, charts.ignored, &mapped->chart)) break;
@@ -66,16 +73,16 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
   return absl::OkStatus();
 }
 
-// Triangles that keep their angles are solved alike, and there may be a hundred thousand of them: one summary serves
-// all.
-void ShareSummaries(const std::vector<std::int32_t>& todo, Charts* charts) {
-  std::shared_ptr<const FlattenSummary>* shared = nullptr;
-  for (const std::int32_t i : todo) {
-    auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
-    if (!status.ok() || !chart.is_triangle_as_measured()) continue;
-    if (shared != nullptr) map.flatten = *shared;
-    shared = &map.flatten;
-  }
+// What the solve of each of these charts that is_triangle_as_measured() says; null if there are none.
+absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, const std::vector<std::int32_t>& todo,
+                                                                     const Charts& charts) {
+  const auto first = std::find_if(todo.begin(), todo.end(),
+                                  [&](std::int32_t i) { return charts.charts[i].chart.is_triangle_as_measured(); });
+  if (first == todo.end()) return nullptr;
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
+                           FlattenWith(job, charts, charts.charts[*first], *first, job->options.flatten.boundary,
+                                       job->execution.ForOneThread(), /*reports=*/false));
+  return std::make_shared<const FlattenSummary>(std::move(flattening.summary));
 }
 
 // Parts of the chart widen the same faces, should it be cut.
@@ -123,7 +130,7 @@ absl::StatusOr<Flattening> FlattenWith(Job* job, const Charts& charts, const Map
     options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
     control.gives_up = !execution.IsStopRequested();
   }
-  const Topology& topology = mapped.chart.topology;
+  const Topology& topology = *mapped.chart.topology;
   const Eigen::VectorXd angles = AnglesToKeep(mapped.chart, charts.AnglesOf(job->mesh, mapped.chart, execution));
   const TargetAngles target = MakeTargetAngles(topology, angles, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -137,8 +144,11 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   // The solve announces itself, with its first residual.
   job->progress.stage = UnwrapStage::kSolve;
   job->progress.chart_count = charts->count();
+  PLANISH_ASSIGN_OR_RETURN(const std::shared_ptr<const FlattenSummary> of_triangle, SolveTriangles(job, todo, *charts));
   ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool reports) {
     MappedChart& mapped = charts->charts[i];
+    mapped.status = absl::OkStatus();
+    if (mapped.chart.is_triangle_as_measured()) return;
     auto flattening = FlattenWith(job, *charts, mapped, i, job->options.flatten.boundary, execution, reports);
     mapped.status = flattening.status();
     if (flattening.ok()) mapped.flattening = std::make_unique<Flattening>(*std::move(flattening));
@@ -147,11 +157,10 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kLayout));
   ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool) {
     MappedChart& mapped = charts->charts[i];
-    if (mapped.status.ok()) mapped.status = Finish(job, *charts, i, &mapped, execution);
+    if (mapped.status.ok()) mapped.status = Finish(job, *charts, i, of_triangle, &mapped, execution);
   });
   job->seconds.layout += timer.Restart();
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  ShareSummaries(todo, charts);
   for (const std::int32_t i : todo) NoteWidened(charts->charts[i].chart, job->mesh.num_faces(), charts);
   for (const std::int32_t i : todo) {
     const bool split_helps = job->may_split() && size(i) > 1;

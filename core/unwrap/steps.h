@@ -56,7 +56,7 @@ struct MappedChart {
   Chart chart;
   // Whether it has three faces or more, of more than one polygon. If not, it is solved to the end: a cut may not help.
   bool is_worth_cutting = false;
-  std::unique_ptr<Flattening> flattening;  // from solve to layout
+  std::unique_ptr<Flattening> flattening;  // from solve to layout; null for a triangle as measured
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
   absl::Status status;  // of solve and layout

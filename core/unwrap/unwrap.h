@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -126,9 +127,9 @@ struct UnwrapSeconds {
 
 struct ChartReport {
   std::int64_t triangles = 0;
-  FlattenSummary flatten;
-  bool is_barycentric = false;  // its map is not by ABF: see the warning BARYCENTRIC_MAP
-  double stretch_l2 = 1;        // as Quality::stretch_l2, of this chart by itself
+  std::shared_ptr<const FlattenSummary> flatten;  // never null; charts that are single triangles share one
+  bool is_barycentric = false;                    // its map is not by ABF: see the warning BARYCENTRIC_MAP
+  double stretch_l2 = 1;                          // as Quality::stretch_l2, of this chart by itself
 };
 
 // One of several atlases.

@@ -92,7 +92,7 @@ void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapW
 }
 
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings) {
-  const std::size_t cut_short = ChartsWith(charts, [](const ChartReport& c) { return c.flatten.stopped; }).size();
+  const std::size_t cut_short = ChartsWith(charts, [](const ChartReport& c) { return c.flatten->stopped; }).size();
   warnings->push_back(
       {"STOPPED",
        absl::StrCat("stopped on request: ",
@@ -113,44 +113,44 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
     warnings->push_back({reason, message(charts[found.front()]) + Where(charts, found), std::move(metadata)});
   };
   warn(
-      "NOT_CONVERGED", [](const ChartReport& c) { return !c.flatten.converged; },
-      [](const ChartReport& c) { return c.flatten.stop_message; }, {});
+      "NOT_CONVERGED", [](const ChartReport& c) { return !c.flatten->converged; },
+      [](const ChartReport& c) { return c.flatten->stop_message; }, {});
   warn(
-      "PRECONDITIONER_CHANGED", [](const ChartReport& c) { return c.flatten.preconditioner_changed; },
+      "PRECONDITIONER_CHANGED", [](const ChartReport& c) { return c.flatten->preconditioner_changed; },
       [](const ChartReport& c) {
         return absl::StrCat("a Cholesky factorization took the place of multigrid, which failed: ",
-                            c.flatten.multigrid_failure);
+                            c.flatten->multigrid_failure);
       });
   std::int64_t failures = 0, solves = 0;
   for (const ChartReport& chart : charts) {
-    failures += chart.flatten.linear_failures;
-    solves += chart.flatten.linear_solves;
+    failures += chart.flatten->linear_failures;
+    solves += chart.flatten->linear_solves;
   }
   warn(
-      "LINEAR_SOLVES_FAILED", [](const ChartReport& c) { return !c.flatten.linear_failure.empty(); },
+      "LINEAR_SOLVES_FAILED", [](const ChartReport& c) { return !c.flatten->linear_failure.empty(); },
       [&](const ChartReport& c) {
         return absl::StrCat(failures, " of ", Counted(solves, "linear solve", "linear solves"),
                             " did not reach the tolerance; Newton's method went on with another step. The first: ",
-                            c.flatten.linear_failure);
+                            c.flatten->linear_failure);
       },
       {{"failures", absl::StrCat(failures)}, {"solves", absl::StrCat(solves)}});
   warn(
-      "BOUNDARY_NOT_SETTLED", [](const ChartReport& c) { return !c.flatten.boundary.settled; },
+      "BOUNDARY_NOT_SETTLED", [](const ChartReport& c) { return !c.flatten->boundary.settled; },
       [](const ChartReport& c) {
         return absl::StrCat("the active set of the boundary control had not settled after ",
-                            Counted(c.flatten.boundary.set_changes, "change", "changes"),
+                            Counted(c.flatten->boundary.set_changes, "change", "changes"),
                             ": the outline may be slightly concave, or straighter than necessary");
       });
   double barrier = 0;
-  for (const ChartReport& chart : charts) barrier = std::max(barrier, chart.flatten.barrier);
+  for (const ChartReport& chart : charts) barrier = std::max(barrier, chart.flatten->barrier);
   warn(
-      "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten.barrier > 0 && !c.flatten.stopped; },
+      "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten->barrier > 0 && !c.flatten->stopped; },
       [](const ChartReport& c) {
-        const bool convex = c.flatten.boundary.type == BoundaryType::kConvex;
+        const bool convex = c.flatten->boundary.type == BoundaryType::kConvex;
         return absl::StrFormat(
             "the ABF energy alone has no minimum with positive angles on this mesh%s; a "
             "barrier of %g keeps its triangles open; a seam%s would relieve it",
-            convex ? " with a convex outline" : "", c.flatten.barrier, convex ? " or a free boundary" : "");
+            convex ? " with a convex outline" : "", c.flatten->barrier, convex ? " or a free boundary" : "");
       },
       {{"barrier", absl::StrFormat("%g", barrier)}});
   warn(

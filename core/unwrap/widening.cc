@@ -65,7 +65,7 @@ template <typename InPlane, typename GrainOf>
 ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
                    bool as_delivered, const InPlane& in_plane, const GrainOf& grain_of) {
   ThinFaces thin;
-  for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
+  for (std::int32_t f = 0; f < chart.topology->num_faces(); ++f) {
     const Corners p = in_plane(f);
     for (const Vec2& corner : p) thin.box.Add(corner);
     if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
@@ -136,7 +136,7 @@ Eigen::VectorXd AnglesToKeep(const Chart& chart, Eigen::VectorXd measured) {
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {
   const ThinFaces thin = FindThin(
       mesh, *chart, ignored, 1, /*as_delivered=*/false,
-      [&](std::int32_t f) { return TriangleOf(map.positions, chart->topology.faces[f]); },
+      [&](std::int32_t f) { return TriangleOf(map.positions, chart->topology->faces[f]); },
       [&](const Corners&) { return grain; });
   return Widen(mesh, thin, chart);
 }

@@ -51,7 +51,7 @@ v1::BoundaryReport ToProto(const BoundaryReport& boundary) {
 }
 
 v1::ChartReport ToProto(const ChartReport& chart) {
-  const FlattenSummary& flatten = chart.flatten;
+  const FlattenSummary& flatten = *chart.flatten;
   v1::ChartReport proto;
   proto.set_triangles(chart.triangles);
   proto.set_method("abf");
@@ -82,8 +82,8 @@ std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) 
   if (ids.size() <= kMaxChartReports) return ids;
   const auto kept = ids.begin() + static_cast<std::ptrdiff_t>(kMaxChartReports);
   std::partial_sort(ids.begin(), kept, ids.end(), [&](std::size_t a, std::size_t b) {
-    return std::tuple(charts[a].flatten.converged, -charts[a].stretch_l2, a) <
-           std::tuple(charts[b].flatten.converged, -charts[b].stretch_l2, b);
+    return std::tuple(charts[a].flatten->converged, -charts[a].stretch_l2, a) <
+           std::tuple(charts[b].flatten->converged, -charts[b].stretch_l2, b);
   });
   ids.erase(kept, ids.end());
   std::sort(ids.begin(), ids.end());
@@ -93,10 +93,10 @@ std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) 
 // The largest residual of any chart after each Newton step.
 std::vector<float> LargestResiduals(const std::vector<ChartReport>& charts) {
   std::size_t most = 0;
-  for (const ChartReport& chart : charts) most = std::max(most, chart.flatten.residuals.size());
+  for (const ChartReport& chart : charts) most = std::max(most, chart.flatten->residuals.size());
   std::vector<float> largest(most), ended(most);  // ended: of charts whose last residual stands before that step
   for (const ChartReport& chart : charts) {
-    const std::vector<float>& residuals = chart.flatten.residuals;
+    const std::vector<float>& residuals = chart.flatten->residuals;
     for (std::size_t i = 0; i < residuals.size(); ++i) largest[i] = std::max(largest[i], residuals[i]);
     if (!residuals.empty()) ended[residuals.size() - 1] = std::max(ended[residuals.size() - 1], residuals.back());
   }
@@ -113,7 +113,7 @@ v1::ChartTotals Totals(const std::vector<ChartReport>& charts) {
   Residual worst;
   double stretch = 0;
   for (const ChartReport& chart : charts) {
-    const FlattenSummary& flatten = chart.flatten;
+    const FlattenSummary& flatten = *chart.flatten;
     totals.set_not_converged(totals.not_converged() + (flatten.converged ? 0 : 1));
     totals.set_newton_iterations(totals.newton_iterations() + flatten.newton_iterations);
     totals.set_linear_iterations(totals.linear_iterations() + flatten.linear_iterations);

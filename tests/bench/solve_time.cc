@@ -102,7 +102,7 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments, bool first)
     line["solve_cpu_seconds"] = line["map_cpu_seconds"] = CpuSeconds() - cpu_start;
     return line;
   }
-  const FlattenSummary& summary = result->charts.at(0).flatten;
+  const FlattenSummary& summary = *result->charts.at(0).flatten;
   const UnwrapSeconds& stage = result->seconds;
   line["ended"] = summary.converged ? "converged" : summary.stop_message;
   line["used"] = {{"solver", Name(summary.solver)},

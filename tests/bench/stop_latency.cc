@@ -38,7 +38,7 @@ nlohmann::json StopAt(const Mesh& mesh, const UnwrapOptions& options, double sec
   line["ended"] = result.ok() ? "ok" : ErrorInfoOf(result.status()).reason;
   if (!result.ok()) return line;
   int cut_short = 0;
-  for (const ChartReport& chart : result->charts) cut_short += chart.flatten.stopped;
+  for (const ChartReport& chart : result->charts) cut_short += chart.flatten->stopped;
   line["charts"] = result->charts.size();
   line["cut_short"] = cut_short;
   line["flipped"] = result->quality.flipped + result->quality.degenerate;

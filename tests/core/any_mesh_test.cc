@@ -83,7 +83,7 @@ TEST(AnyMesh, ComesBackWithoutFaults) {
     std::int64_t triangles = 0;
     for (const ChartReport& chart : result->charts) {
       triangles += chart.triangles;
-      EXPECT_TRUE(chart.flatten.converged);
+      EXPECT_TRUE(chart.flatten->converged);
     }
     EXPECT_EQ(triangles, mesh.num_faces());
     ASSERT_EQ(result->face_chart.size(), mesh.faces.size());
@@ -206,7 +206,7 @@ TEST(AnyMesh, HolesOfACurvedSheetStayHoles) {
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_FALSE(Warned(*result, "SEAMS_ADDED"));
   EXPECT_EQ(result->charts.size(), 1u);
-  EXPECT_TRUE(result->charts[0].flatten.converged);
+  EXPECT_TRUE(result->charts[0].flatten->converged);
   EXPECT_EQ(result->quality.flipped, 0);
   EXPECT_EQ(result->quality.overlapping, 0);
   EXPECT_LT(result->quality.stretch_l2, 1.1);

@@ -70,7 +70,7 @@ std::vector<Mesh> NonConvexMeshes() {
 TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
   for (const Mesh& mesh : NonConvexMeshes()) {
     const UnwrapResult result = UnwrapConvex(mesh);
-    const FlattenSummary& summary = result.charts.at(0).flatten;
+    const FlattenSummary& summary = *result.charts.at(0).flatten;
     EXPECT_TRUE(summary.converged) << summary.stop_message;
     EXPECT_TRUE(summary.boundary.settled) << summary.stop_message;
     EXPECT_LE(summary.residual.Max(), 1e-9);

@@ -311,8 +311,8 @@ TEST(Unwrap, DeliversAVerifiedMap) {
   };
   const auto result = Unwrap(mesh, testing::AsDisc(), control);
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_TRUE(result->charts.at(0).flatten.converged);
-  EXPECT_LE(result->charts[0].flatten.residual.Max(), 1e-9);
+  EXPECT_TRUE(result->charts.at(0).flatten->converged);
+  EXPECT_LE(result->charts[0].flatten->residual.Max(), 1e-9);
   EXPECT_EQ(result->quality.flipped, 0);
   EXPECT_EQ(result->quality.degenerate, 0);
   EXPECT_NEAR(result->quality.abf_energy, 0.000775257, 1e-8);
@@ -428,8 +428,8 @@ TEST(Unwrap, KeepsTheBestMapWhenStoppedInAnyStage) {
       ExpectNoFlips(*result);
       EXPECT_EQ(CheckOverlaps(DiscTopology(mesh)->opposite, result->uv, {}).pairs, 0);
       const bool in_solve = stage <= UnwrapStage::kSolve;
-      EXPECT_EQ(result->charts[0].flatten.stopped, in_solve);
-      EXPECT_EQ(result->charts[0].flatten.converged, !in_solve);
+      EXPECT_EQ(result->charts[0].flatten->stopped, in_solve);
+      EXPECT_EQ(result->charts[0].flatten->converged, !in_solve);
       EXPECT_EQ(Find(*result, "NOT_CONVERGED") != nullptr, in_solve);
       const UnwrapWarning* warning = Find(*result, "STOPPED");
       ASSERT_EQ(warning != nullptr, stage != UnwrapStage::kVerify) << "the verifier judges what there is already";
@@ -483,7 +483,7 @@ TEST(Unwrap, KeepsTheBestMapWhenStoppedOnTheWayToAConvexOutline) {
     ASSERT_TRUE(result.ok()) << point << ": " << result.status();
     ExpectNoFlips(*result);
     EXPECT_LT(after, 12) << "the stop was not heeded";
-    const FlattenSummary& flatten = result->charts[0].flatten;
+    const FlattenSummary& flatten = *result->charts[0].flatten;
     EXPECT_NE(flatten.stopped, flatten.converged);
     cut_short += flatten.stopped;
   }
@@ -502,8 +502,8 @@ TEST(Unwrap, StoppedBeforeAnythingStillMakesAMap) {
     ASSERT_TRUE(result.ok()) << result.status();
     ExpectNoFlips(*result);
     EXPECT_NE(Find(*result, "STOPPED"), nullptr);
-    EXPECT_TRUE(result->charts[0].flatten.stopped);
-    EXPECT_EQ(result->charts[0].flatten.stop_message.substr(0, 7), "stopped");
+    EXPECT_TRUE(result->charts[0].flatten->stopped);
+    EXPECT_EQ(result->charts[0].flatten->stop_message.substr(0, 7), "stopped");
   }
 }
 

@@ -329,20 +329,32 @@ UnwrapResult ManyCharts(std::size_t count) {
     ChartReport& chart = result.charts[i];
     chart.triangles = static_cast<std::int64_t>(i) + 1;
     chart.stretch_l2 = 1 + 0.001 * static_cast<double>(i % 1000);
-    chart.flatten.converged = true;
-    chart.flatten.newton_iterations = 3;
-    chart.flatten.residual.vertex = 1e-10;
-    chart.flatten.residuals = {1, 1e-2f, 1e-5f, 1e-10f};
+    FlattenSummary flatten;
+    flatten.converged = true;
+    flatten.newton_iterations = 3;
+    flatten.residual.vertex = 1e-10;
+    flatten.residuals = {1, 1e-2f, 1e-5f, 1e-10f};
+    chart.flatten = std::make_shared<const FlattenSummary>(std::move(flatten));
   }
   return result;
 }
 
+// Changes the solve of one of them.
+template <typename Change>
+void ChangeSolve(UnwrapResult* result, std::size_t chart, const Change& change) {
+  FlattenSummary flatten = *result->charts[chart].flatten;
+  change(&flatten);
+  result->charts[chart].flatten = std::make_shared<const FlattenSummary>(std::move(flatten));
+}
+
 TEST(Report, DescribesEveryChartOfAThousand) {
   UnwrapResult result = ManyCharts(kMaxChartReports);
-  result.charts[7].flatten.residual.wheel = 1e-3;
-  result.charts[9].flatten.converged = false;
-  result.charts[9].flatten.residuals = {0.5f, 1e-3f};  // ends early, above the others' last ones
-  result.charts[11].flatten.residuals = {2, 1e-4f, 1e-4f, 1e-4f, 1e-10f};
+  ChangeSolve(&result, 7, [](FlattenSummary* flatten) { flatten->residual.wheel = 1e-3; });
+  ChangeSolve(&result, 9, [](FlattenSummary* flatten) {
+    flatten->converged = false;
+    flatten->residuals = {0.5f, 1e-3f};  // ends early, above the others' last ones
+  });
+  ChangeSolve(&result, 11, [](FlattenSummary* flatten) { flatten->residuals = {2, 1e-4f, 1e-4f, 1e-4f, 1e-10f}; });
   const v1::Report report = ToProto(result, Mesh(), {});
   ASSERT_EQ(report.charts_size(), static_cast<int>(kMaxChartReports));
   EXPECT_EQ(report.charts(7).triangles(), 8);
@@ -359,7 +371,8 @@ TEST(Report, DescribesEveryChartOfAThousand) {
 
 TEST(Report, OfMoreChartsDescribesTheWorst) {
   UnwrapResult result = ManyCharts(5000);
-  result.charts[4000].flatten.converged = false;  // with the least stretch of all
+  // With the least stretch of all.
+  ChangeSolve(&result, 4000, [](FlattenSummary* flatten) { flatten->converged = false; });
   const v1::Report report = ToProto(result, Mesh(), {});
   ASSERT_EQ(report.charts_size(), static_cast<int>(kMaxChartReports));
   EXPECT_EQ(report.chart_totals().charts(), 5000);
