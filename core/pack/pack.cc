@@ -14,7 +14,8 @@
 namespace planish {
 namespace {
 
-// Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
+// Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it even where both were moved by
+// kFreeMove.
 constexpr double kGap = 4e-6;
 constexpr double kHuge = 1e300;
 // Outlines of so many edges in the mean are not worth a second, simpler one.
@@ -87,10 +88,8 @@ class Packer {
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
     for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
-      const double plain = scale * charts_.density[i];
-      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * charts_.outlines.size()));
-      const double width = 2 * charts_.outlines[i].radius;
-      scales.push_back(width * plain < least && width > 0 ? least / width : plain);
+      scales.push_back(
+          DrawnScale(charts_.outlines[i].radius, charts_.density[i], scale, charts_.outlines.size(), options_));
     }
     return scales;
   }
@@ -510,6 +509,12 @@ double ShareOfRest(PackEffort effort, const PackTuning& tuning) {
 
 Vec2 CornerOfTile(int tile) {
   return {tile % PackOptions::kTilesInRow, tile / PackOptions::kTilesInRow};
+}
+
+double DrawnScale(double radius, double density, double scale, std::size_t charts, const PackOptions& options) {
+  const double least = std::min(1.0 / options.texture_size, 0.25 / std::sqrt(static_cast<double>(charts)));
+  const double width = 2 * radius, plain = scale * density;
+  return width * plain < least && width > 0 ? least / width : plain;
 }
 
 Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution) {

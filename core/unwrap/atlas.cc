@@ -30,8 +30,8 @@ double WeightOf(const UnwrapOptions& options, const Surface& surface, const Char
 
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
-void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, const Charts& charts,
-                 Atlas* atlas, std::vector<ChartPlacement>* placements) {
+void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
+                 Atlas* atlas) {
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
   std::set<std::int32_t> numbers(options.face_atlas.begin(), options.face_atlas.end());
   if (numbers.empty()) numbers.insert(0);
@@ -48,32 +48,27 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
     reports[number].first_tile = stacked ? 0 : number * tiles.tiles;
   }
   std::map<std::int32_t, std::vector<std::int32_t>> at_once;
-  for (std::int32_t i = 0; i < charts.count(); ++i) {
-    at_once[stacked ? AtlasOf(options, charts.charts[i].chart.faces.front()) : 0].push_back(i);
+  for (std::int32_t i = 0; i < charts->count(); ++i) {
+    at_once[stacked ? AtlasOf(options, charts->charts[i].chart.faces.front()) : 0].push_back(i);
   }
   atlas->scale = std::numeric_limits<double>::infinity();
   atlas->padding = tiles.padding;
   for (const auto& [group, own] : at_once) {
     if (execution.IsCancelled()) return;
     const auto make_chart = [&, &own = own](std::size_t k) -> PackChart {
-      const MappedChart& mapped = charts.charts[own[k]];
-      return {mapped.map.positions, mapped.chart.topology->faces, WeightOf(options, *charts.surface, mapped.chart),
+      const MappedChart& mapped = charts->charts[own[k]];
+      return {mapped.map.positions, mapped.chart.topology->faces, WeightOf(options, *charts->surface, mapped.chart),
               stacked ? 0 : AtlasOf(options, mapped.chart.faces.front())};
     };
-    Packing packing = Pack(own.size(), make_chart, tiles, execution);
+    const Packing packing = Pack(own.size(), make_chart, tiles, execution);
     for (auto& [number, report] : reports) {
       if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
     }
     for (std::size_t k = 0; k < own.size(); ++k) {
-      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart.faces.front())];
+      AtlasReport& report = reports[AtlasOf(options, charts->charts[own[k]].chart.faces.front())];
+      charts->charts[own[k]].map.placement = packing.charts[k];
       ++report.charts;
       report.tiles = std::max(report.tiles, packing.charts[k].tile + 1 - report.first_tile);
-    }
-    if (at_once.size() == 1) {
-      *placements = std::move(packing.charts);
-    } else {
-      placements->resize(charts.count());
-      for (std::size_t k = 0; k < own.size(); ++k) (*placements)[own[k]] = packing.charts[k];
     }
     atlas->tiles = std::max(atlas->tiles, packing.tiles);
     atlas->scale = std::min(atlas->scale, packing.scale);
@@ -83,27 +78,46 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   if (!options.face_atlas.empty()) atlas->atlases = std::move(reports);
 }
 
+// The box round the map.
+Box BoxOf(const ChartMap& map) {
+  Box box;
+  for (const Vec2& p : map.positions) box.Add(p);
+  return box;
+}
+
 // Sets where each chart's map goes.
-Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
-            std::vector<ChartPlacement>* placements) {
+Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts) {
   Atlas atlas;
   if (!options.pack) {
-    placements->resize(charts->count());
-    for (std::int32_t i = 0; i < charts->count(); ++i) {
-      Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
-      for (const Vec2& p : charts->charts[i].map.positions) low = low.cwiseMin(p);
-      (*placements)[i].offset = -low;
+    for (MappedChart& mapped : charts->charts) {
+      mapped.map.placement = ChartPlacement();
+      mapped.map.placement->offset = -BoxOf(mapped.map).low;
     }
-    return atlas;
-  }
-  if (options.seams.policy == SeamPolicy::kNone) {
+  } else if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
-    placements->resize(1);
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
-    return atlas;
+    disc.map.placement = ChartPlacement();
+  } else {
+    PackAtlases(options, is_draft, execution, charts, &atlas);
   }
-  PackAtlases(options, is_draft, execution, *charts, &atlas, placements);
   return atlas;
+}
+
+// Sets where the maps go that were solved since the last packing, whose scale they get: all in one place, round the
+// middle of the quarter of a tile where numbers are rounded most.
+void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* charts) {
+  const Vec2 middle(0.75, 0.75);
+  for (MappedChart& mapped : charts->charts) {
+    if (mapped.map.placement) continue;
+    const Box box = BoxOf(mapped.map);
+    const Vec2 centre = (box.low + box.high) / 2;
+    double radius = 0;
+    for (const Vec2& p : mapped.map.positions) radius = std::max(radius, (p - centre).norm());
+    const double weight = WeightOf(options, *charts->surface, mapped.chart);
+    ChartPlacement& place = mapped.map.placement.emplace();
+    place.scale = DrawnScale(radius, weight, atlas.scale, charts->charts.size(), options.atlas);
+    place.offset = middle - place.scale * centre;
+  }
 }
 
 // Gives faces without a chart the UV of the two ends of an edge, or of one corner at a vertex, wherever a face of the
@@ -156,25 +170,27 @@ std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face) {
   return options.face_atlas.empty() ? 0 : options.face_atlas[face];
 }
 
-absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts) {
+absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts) {
   Timer timer;
   const Mesh& mesh = job->mesh;
   job->progress.chart_count = charts->count();
   job->progress.chart = charts->count() - 1;
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kPack));
-  std::vector<ChartPlacement> placements;
-  Atlas atlas = Place(job->options, is_draft, job->execution, charts, &placements);
+  const bool stays = !job->options.pack || job->options.seams.policy == SeamPolicy::kNone;
+  Atlas atlas;
+  if (before != nullptr && is_draft && !stays) {
+    atlas = *before;
+    PlaceRoughly(job->options, atlas, charts);
+  } else {
+    atlas = Place(job->options, is_draft, job->execution, charts);
+  }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
-  const bool stays = !job->options.pack || job->options.seams.policy == SeamPolicy::kNone;
-  for (std::int32_t i = 0; i < charts->count(); ++i) {
-    const Chart& chart = charts->charts[i].chart;
-    const std::vector<Vec2>& positions = charts->charts[i].map.positions;
-    const ChartPlacement& place = placements[i];
-    job->execution.ForEach(chart.topology->num_faces(), [&](std::int64_t f) {
+  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts->charts) {
+    job->execution.ForEach(chart.topology->num_faces(), [&, &chart = chart, &map = map](std::int64_t f) {
       for (int k = 0; k < 3; ++k) {
-        const Vec2& p = positions[chart.topology->faces[f][k]];
-        SetUv(3 * chart.faces[f] + k, stays ? Vec2(p + place.offset) : place(p), &atlas.uv);
+        const Vec2& p = map.positions[chart.topology->faces[f][k]];
+        SetUv(3 * chart.faces[f] + k, stays ? Vec2(p + map.placement->offset) : (*map.placement)(p), &atlas.uv);
       }
     });
   }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "core/abf/topology.h"
 #include "core/base/execution.h"
 #include "core/mesh/half_edges.h"
+#include "core/pack/pack.h"
 #include "core/unwrap/verify.h"
 
 namespace planish {
@@ -43,6 +45,7 @@ struct ChartMap {
   // Per vertex of the chart's topology; the area of the map is that of the surface, widened faces left out of both,
   // before Chart::enlargement.
   std::vector<Vec2> positions;
+  std::optional<ChartPlacement> placement = {};  // in the texture, since it was packed last; none before
   bool is_barycentric = false;  // not by ABF (fixed_borders.h); `flatten` then describes the solve that failed
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };

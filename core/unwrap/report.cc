@@ -57,17 +57,19 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
 }
 
-// Charts that were not packed lie one over the other, and so do atlases that are stacked: each is looked at by itself.
-Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv& uv,
+// Charts that were not packed, and those of a draft, lie one over the other, and so do atlases that are stacked: each
+// is looked at by itself.
+Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, bool is_draft, const CornerUv& uv,
                            const OrientationFaults& orientation) {
   const UnwrapOptions& options = job.options;
+  const bool are_packed = options.pack && !is_draft;
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
-  if (options.pack && !stacked) {
+  if (are_packed && !stacked) {
     return CheckOverlaps(charts.Opposite(job.mesh), uv, orientation, job.execution, charts.ignored);
   }
   std::map<std::int32_t, std::vector<const MappedChart*>> layers;
   for (const MappedChart& mapped : charts.charts) {
-    layers[options.pack ? AtlasOf(options, mapped.chart.faces.front()) : std::ssize(layers)].push_back(&mapped);
+    layers[are_packed ? AtlasOf(options, mapped.chart.faces.front()) : std::ssize(layers)].push_back(&mapped);
   }
   Overlaps all;
   for (const auto& [number, layer] : layers) {
@@ -160,9 +162,9 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
   return delivery;
 }
 
-absl::Status FindOverlaps(Job* job, const Charts& charts, Delivery* delivery) {
+absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Delivery* delivery) {
   Timer timer;
-  delivery->overlaps = OverlapsInAtlases(*job, charts, delivery->uv, delivery->orientation);
+  delivery->overlaps = OverlapsInAtlases(*job, charts, is_draft, delivery->uv, delivery->orientation);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   job->seconds.verify += timer.Restart();
   return absl::OkStatus();

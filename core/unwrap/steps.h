@@ -10,6 +10,8 @@
 //   JoinCharts()            all of them       -> fewer charts, solved
 //   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
 //   Deliver()               UV                -> Delivery: the same as delivered, and faces that are turned over
+//     ShakeCharts()         draft's Delivery  -> the same with charts turned to where faces collapse
+//     NudgeCharts()         Delivery          -> the same with charts moved by a hair, where that helps
 //     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
 //     FindOverlaps()        Delivery          -> faces that overlap
 //     RefineDelivered()     charts, faults    -> the charts at fault as delivered, cut, for SolveCharts()
@@ -169,8 +171,10 @@ struct Atlas {
 // without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
 // to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
 // (Surface::takes_part) get the UV of an edge of their atlas they lie on, or else of a vertex, or else of a tile's
-// corner. `is_draft`: with the fewest trials, for a look at what rounding does. CANCELLED after a cancellation.
-absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts);
+// corner. `is_draft`: for a look at what rounding does to each chart. If there is a packing `before`, charts that were
+// solved since lie in one place, at its scale; otherwise all are packed with the fewest trials. CANCELLED after a
+// cancellation.
+absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts);
 
 // A chart that is stretched beyond this times SeamOptions::max_stretch as delivered is cut, or a warning names it:
 // rounding to float adds less.
@@ -194,9 +198,18 @@ Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const Cor
 // Rounds the UV as UnwrapOptions::precision says and judges their orientation. CANCELLED after a cancellation.
 absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv);
 
-// Looks for triangles that overlap as delivered, which takes long where many of them are collapsed. CANCELLED after a
-// cancellation.
-absl::Status FindOverlaps(Job* job, const Charts& charts, Delivery* delivery);
+// Looks for triangles that overlap as delivered, which takes long where many of them are collapsed. `is_draft`: each
+// chart by itself. CANCELLED after a cancellation.
+absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Delivery* delivery);
+
+// In a draft: turns charts to where faces collapse or are turned over as delivered, if they do so at any of some
+// angles. What comes after widens these faces, or cuts the charts, as if the packer had turned them so.
+void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery);
+
+// Moves charts, by kFreeMove at most, in which as delivered a few faces are collapsed or turned over or, once
+// FindOverlaps() has looked for them, triangles overlap, wherever that helps. Returns whether it did for any; overlaps
+// are to be looked for again then.
+bool NudgeCharts(const Job& job, Charts* charts, Delivery* delivery);
 
 // Widens the faces that are collapsed or turned over as delivered (widening.h); `todo` has then their charts. Returns
 // whether there were any that are thin, at most kMostWidenings times for a job.

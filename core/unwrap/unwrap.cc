@@ -150,22 +150,31 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts may be solved and packed again and again, above all those with faces too thin for the type: at full effort
-  // ten packings were most of the work. All but the last are drafts, from the first on where faces were widened,
-  // otherwise from the third on, since the second is mostly the last.
+  // Charts may be solved and placed again and again, above all those with faces too thin for the type: ten packings
+  // were most of the work. All but the last are drafts, from the first on where faces were widened, otherwise from the
+  // second on.
   std::optional<bool> is_draft;
-  for (int round = 1;; ++round) {
+  std::optional<Atlas> atlas;
+  while (true) {
     PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::exchange(todo, {}), &charts), charts));
     if (!is_draft) is_draft = !charts.least_angle.empty();
-    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, *is_draft, &charts));
-    PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas.uv)));
-    bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
+    PLANISH_ASSIGN_OR_RETURN(atlas, PackCharts(&job, atlas ? &*atlas : nullptr, *is_draft, &charts));
+    PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas->uv)));
+    if (*is_draft) {
+      ShakeCharts(job, &charts, &delivery);
+    } else {
+      NudgeCharts(job, &charts, &delivery);
+    }
+    bool goes_on = WidenCharts(&job, *atlas, delivery, &todo, &charts);
     if (!goes_on) {
-      PLANISH_RETURN_IF_ERROR(FindOverlaps(&job, charts, &delivery));
-      PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, atlas, delivery, &todo, &charts));
+      PLANISH_RETURN_IF_ERROR(FindOverlaps(&job, charts, *is_draft, &delivery));
+      if (!*is_draft && delivery.overlaps.pairs > 0 && NudgeCharts(job, &charts, &delivery)) {
+        PLANISH_RETURN_IF_ERROR(FindOverlaps(&job, charts, *is_draft, &delivery));
+      }
+      PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, *atlas, delivery, &todo, &charts));
     }
     if (goes_on || *is_draft) {
-      is_draft = goes_on && (*is_draft || round >= 2);
+      is_draft = goes_on;
       continue;
     }
     if (options.seams.policy == SeamPolicy::kNeeded) {
@@ -173,7 +182,7 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
       WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
                        &job.warnings);
     }
-    return Report(&job, charts, atlas, std::move(delivery));
+    return Report(&job, charts, *atlas, std::move(delivery));
   }
 }
 
