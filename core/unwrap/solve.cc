@@ -81,7 +81,7 @@ absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, c
   if (first == todo.end()) return nullptr;
   PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
                            FlattenWith(job, charts, charts.charts[*first], *first, job->options.flatten.boundary,
-                                       job->execution.ForOneThread(), /*reports=*/false));
+                                       job->execution.ForOneThread(), /*reports=*/true));
   return std::make_shared<const FlattenSummary>(std::move(flattening.summary));
 }
 
