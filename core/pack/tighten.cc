@@ -245,21 +245,23 @@ class Tightener {
          round < tuning_.settling_rounds && relaxer.scale() > least_scale && left() > 0 && !execution_.IsCancelled();
          ++round) {
       if (charts_.outlines.size() > tuning_.many_charts && execution_.IsStopRequested()) return false;
-      const std::vector<TooNear> too_near =
-          relaxer.Separate(tuning_.separating_steps, std::llround(left()))
-              ? FindTooNear(charts_.outlines, Scales(relaxer.scale()), relaxer.poses(), options_.distance, options_.low,
-                            execution_)
-              : std::vector<TooNear>{{0, -1, 0}};
-      if (too_near.empty()) {
-        arrangement_ = {relaxer.poses(), relaxer.scale()};
-        return true;
-      }
-      for (const TooNear& pair : too_near) {
-        for (const std::int32_t i : {pair.a, pair.b}) {
-          if (i >= 0) relaxer.margins()[i] += std::min(0.6 * pair.missing, relax_.tolerance);
+      const bool apart = relaxer.Separate(tuning_.separating_steps, std::llround(left()));
+      if (apart) {
+        const std::vector<TooNear> too_near = FindTooNear(charts_.outlines, Scales(relaxer.scale()), relaxer.poses(),
+                                                          options_.distance, options_.low, execution_);
+        if (too_near.empty()) {
+          arrangement_ = {relaxer.poses(), relaxer.scale()};
+          return true;
+        }
+        // More than is missing: what comes on top of a distance that is kept anyway moves nothing.
+        const double more = tuning_.settling_margin * relax_.tolerance;
+        for (const TooNear& pair : too_near) {
+          for (const std::int32_t i : {pair.a, pair.b}) {
+            if (i >= 0) relaxer.margins()[i] += std::min(0.6 * pair.missing + more, relax_.tolerance);
+          }
         }
       }
-      relaxer.set_scale(relaxer.scale() * 0.9995);
+      if (!apart || round > 0) relaxer.set_scale(relaxer.scale() * tuning_.settling_shrink);
     }
     return false;
   }

@@ -101,6 +101,12 @@ struct PackTuning {
   // fill 0.709 of the texture in the mean, with 0.1 0.717, and the shared meshes the same.
   double growing_share = 0.4, others_share = 0.1, settling_share = 1;
   int settling_rounds = 25;
+  // In each round charts that are too near get so much more of the tolerance for a margin, beside what they lack, and
+  // from the second round on all charts shrink by this factor. Without the first a chart that was 1e-5 out of the tile
+  // took 22 rounds, in which corset shrank by 1.1 %. With 0.25 and 0.9998 in place of 0 and 0.9995 (and a first round
+  // that shrinks nothing) 21 meshes at three paddings fill 0.7350 of the texture in the mean in place of 0.7310, for
+  // less work.
+  double settling_margin = 0.25, settling_shrink = 0.9998;
 
   // Trials in other orders than by size. A new order sorts by sizes that are changed at random, by up to half of this
   // share.
