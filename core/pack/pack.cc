@@ -55,15 +55,14 @@ class Packer {
   }
 
   Packing Run() {
-    Packing packing;
-    packing.charts.resize(charts_.outlines.size());
-    if (charts_.outlines.empty()) return packing;
+    if (charts_.outlines.empty()) return {};
     for (double padding = options_.padding;; padding = padding > 1 ? padding / 2 : 0) {
-      if (Search(padding, padding == 0)) {
-        Finish(&packing);
-        return packing;
-      }
-      if (padding == 0 || execution_.IsCancelled()) return packing;
+      const bool found = Search(padding, padding == 0);
+      if (!found && padding > 0 && !execution_.IsCancelled()) continue;
+      Packing packing;
+      packing.charts.resize(charts_.outlines.size());
+      if (found) Finish(&packing);
+      return packing;
     }
   }
 
@@ -114,7 +113,7 @@ class Packer {
       std::vector<double> areas(options_.atlases, 0.0);
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         double perimeter = 0;
-        const std::vector<Vec2>& hull = charts_.outlines[i].hull;
+        const std::vector<Vec2>& hull = charts_.outlines[i].hull();
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
         areas[charts_.atlas[i]] +=
             charts_.outlines[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;

@@ -14,15 +14,15 @@ namespace {
 constexpr double kFixedBytes = 6.5e6;      // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
-// Beside that, of a face in a chart of some faces, and of a face that is a chart by itself.
-constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 2000;
+// Beside that, of a face in a chart: by itself, at most, and beside that of one with vertices of its own.
+constexpr double kChartBytesPerFace = 390, kBytesPerPiece = 200;
 // With SeamPolicy::kAuto small meshes may fall apart. The first faces count for kFirstBytesPerFace more, up to
 // kFirstBytes in all. Each face counts for kSmallBytesPerFace more in a small mesh, and for less the larger it is: for
 // nothing from kSmallFaces on. The counts do not tell triangles on random vertices from a closed surface. Of 8,073
 // meshes of 36 families with 60 to 6,000 faces none takes more than the estimate, and 2 % take less than a third of it.
 // Of 1,188 with 8,000 to 150,000 faces 10 take more, up to 1.7 times: soups and piles. 8 % take less than a third.
 constexpr double kFirstBytesPerFace = 1000, kFirstBytes = 0.5e6;
-constexpr double kSmallBytesPerFace = 600, kSmallFaces = 30'000;
+constexpr double kSmallBytesPerFace = 450, kSmallFaces = 30'000;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
 // the first.
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
@@ -33,14 +33,10 @@ constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
 constexpr double kBytesPerByte = 2;  // encoded bytes, while they are decoded
 // The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
-// Surfaces have fewer vertices a face only where they have very many handles, or where more than two faces meet at
-// edges. Below the first of these most edges are of the latter kind, below the second nearly all: each face may become
-// a chart.
-constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 25e-6;  // charts and maps
-constexpr double kPackUnit = 1e-9;          // of PackTuning's work, in seconds
+constexpr double kSecondsPerPiece = 8e-6;  // charts and maps, beside those of any face
+constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 6.5e-6, kSolvePower = 0.05;
@@ -63,15 +59,13 @@ bool IsSlow(const FlattenOptions& options) {
          options.preconditioner == PreconditionerType::kJacobi;
 }
 
-// Faces that are charts by themselves, as far as the counts tell.
+// Faces with vertices of their own, as far as the counts tell.
 double Pieces(double faces, double vertices) {
-  const double loose = std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece;
-  const double tangled = (kFewVertices * faces - vertices) / (kFewVertices - kFewestVertices);
-  return std::max(loose, std::clamp(tangled, 0.0, faces));
+  return std::clamp((vertices - faces / 2) / kLooseVerticesPerPiece, 0.0, faces);
 }
 
 // What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
-constexpr double kFewCharts = 7.5;
+constexpr double kFewCharts = 6;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {

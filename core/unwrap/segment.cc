@@ -209,7 +209,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const double drawn_area = WeightedArea(surface, job->options.face_weights);
   const double of_float = Resolution(job->options, drawn_area, 0x1p-24);
   const double of_solve = Resolution(job->options, drawn_area, std::ldexp(1.0, -kDigitsOfSolve));
-  charts.resolution = job->options.precision == Precision::kDouble ? 0 : of_float;
+  const double of_double = Resolution(job->options, drawn_area, 0x1p-53);
+  charts.resolution = job->options.precision == Precision::kDouble ? of_double : of_float;
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
@@ -230,7 +231,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.
-  if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) charts.resolution = 0;
+  if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) {
+    charts.resolution = of_double;
+  }
   charts.charts.resize(charts.segmentation->charts().size());
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
   job->seconds.charts = timer.Restart();

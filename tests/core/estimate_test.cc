@@ -27,11 +27,20 @@ TEST(Estimate, GrowsWithTheMesh) {
   }
 }
 
-// Of results/memory.md: koala, 99,994 triangles, 44 MB and 2 s; a disc of a million, 790 MB.
+// Of planish_hunt: 98,560 triangles on 32,853 random vertices, 139 MB; nets of 60,000 with edges of many
+// faces, 41 MB; 136,951 triangles by themselves, 206 MB. A job that takes more than the estimate is run again.
+TEST(Estimate, HasRoomForLooseTrianglesAndNotMuchMoreThanNetsTake) {
+  const UnwrapOptions options = WithSeams(SeamPolicy::kAuto);
+  EXPECT_GT(EstimateUnwrap(98'560, 32'853, 788'480, options).peak_bytes, 140'000'000);
+  EXPECT_GT(EstimateUnwrap(136'951, 410'853, 1'095'608, options).peak_bytes, 210'000'000);
+  EXPECT_LT(EstimateUnwrap(60'100, 19'769, 480'800, options).peak_bytes, 3 * 40'000'000);
+}
+
+// Of results/memory.md: koala, 99,994 triangles, 57 MB and 1.1 to 2 s; a disc of a million, 790 MB.
 TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
   const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
-  EXPECT_GT(koala.peak_bytes, 54'000'000);
-  EXPECT_LT(koala.peak_bytes, 135'000'000);
+  EXPECT_GT(koala.peak_bytes, 70'000'000);
+  EXPECT_LT(koala.peak_bytes, 171'000'000);
   EXPECT_GT(koala.seconds, 0.6);
   EXPECT_LT(koala.seconds, 5.4);
   const Estimate foot = EstimateUnwrap(1'000'000, 501'000, 8'700'000, WithSeams(SeamPolicy::kNone));
@@ -56,13 +65,11 @@ TEST(Estimate, KnowsWhatCostsMore) {
   UnwrapOptions threads;
   threads.threads = 8;
   EXPECT_GT(of(threads).peak_bytes, plain.peak_bytes);
-  // Triangles that share no vertices make a chart each.
-  EXPECT_GT(of({}, 300'000).peak_bytes, 2 * plain.peak_bytes);
-  EXPECT_GT(of({}, 300'000).seconds, 3 * plain.seconds);
-  // So do triangles that share few vertices at random; surfaces with many handles have hardly fewer than closed ones.
-  EXPECT_GT(of({}, 30'000).peak_bytes, 2 * plain.peak_bytes);
-  EXPECT_GT(of({}, 30'000).seconds, 3 * plain.seconds);
-  EXPECT_LE(of({}, 45'000).peak_bytes, plain.peak_bytes);
+  // Triangles that share no vertices make a chart each, with more vertices than the triangles of a soup.
+  EXPECT_GT(of({}, 300'000).peak_bytes, 1.1 * static_cast<double>(plain.peak_bytes));
+  EXPECT_GT(of({}, 300'000).seconds, 1.5 * plain.seconds);
+  // Few vertices say nothing: of a soup, or of a net with edges of many faces.
+  EXPECT_LE(of({}, 30'000).peak_bytes, plain.peak_bytes);
   UnwrapOptions many_tiles;
   many_tiles.atlas.tiles = 100;
   EXPECT_GT(of(many_tiles).peak_bytes, plain.peak_bytes);
