@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <unordered_map>
 #include <utility>
 
 #include "core/base/status_macros.h"
@@ -183,6 +184,11 @@ class Joining {
   }
 
  private:
+  // Of a joint: what joining the charts would add to the areas of their hulls, and its length on the surface.
+  struct Look {
+    double hull_growth, length;
+  };
+
   // A pair that is being tried.
   struct Attempt {
     typename Maps::Kept chart, other;  // the maps of the two, as they were
@@ -205,11 +211,22 @@ class Joining {
   }
 
   // The number of faces of two charts that are worth a try.
-  std::optional<std::size_t> Consider(const Segmentation::Joint& joint) const {
+  std::optional<std::size_t> Consider(const Segmentation::Joint& joint) {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     if (!one.may_join || !other.may_join) return std::nullopt;
+    const std::pair versions(one.version, other.version);
     const auto failed = failed_.find({joint.chart, joint.other});
-    if (failed != failed_.end() && failed->second == std::pair(one.version, other.version)) return std::nullopt;
+    if (failed != failed_.end() && failed->second == versions) return std::nullopt;
+    auto [known, is_new] = looks_.try_emplace(joint.border.front().idx());
+    if (is_new || known->second.versions != versions) known->second = {versions, LookAt(joint)};
+    const std::optional<Look>& look = known->second.look;
+    if (!look || (job_.options.pack && look->hull_growth > MostCost(look->length))) return std::nullopt;
+    return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
+  }
+
+  // What two charts would be as one, by their maps; nothing if the joint is not to be tried whatever it may cost.
+  std::optional<Look> LookAt(const Segmentation::Joint& joint) const {
+    const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     double length = 0, mapped_length = 0;
     for (const HalfedgeHandle h : joint.border) length += surface_.length(h);
     const double area = one.area + other.area, perimeter = one.perimeter + other.perimeter - 2 * length;
@@ -230,8 +247,7 @@ class Joining {
     for (const Vec2& p : other.hull) points.push_back((*motion)(p));
     const double hull = AreaWithin(ConvexHull(std::move(points)));
     if (hull < area) return std::nullopt;  // they would overlap
-    if (job_.options.pack && hull - one.hull_area - other.hull_area > MostCost(length)) return std::nullopt;
-    return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
+    return Look{hull - one.hull_area - other.hull_area, length};
   }
 
   // Of convex hulls, for the packer.
@@ -314,6 +330,14 @@ class Joining {
   std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
   double left_;  // faces that may be solved again
+  // The last look at each joint, by the first half-edge of its border, with the versions of the charts then. A chart
+  // with hundreds of neighbours has a long outline: its hull took most of the time of such meshes, in round after
+  // round.
+  struct VersionedLook {
+    std::pair<int, int> versions;
+    std::optional<Look> look;
+  };
+  std::unordered_map<int, VersionedLook> looks_;
   // Charts that could not be joined, by their numbers, with their versions then.
   std::map<std::pair<std::int32_t, std::int32_t>, std::pair<int, int>> failed_;
 };
