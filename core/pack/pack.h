@@ -64,7 +64,7 @@ struct Packing {
 // one with density 1 has `scale`: `density` times that, unless the chart would be smaller than a texel.
 double DrawnScale(double radius, double density, double scale, std::size_t charts, const PackOptions& options);
 
-// How far a chart may be moved after packing.
+// How far a chart may be moved after packing, in sides of a tile, and still keep the padding to others.
 inline constexpr double kFreeMove = 1e-6;
 
 // Packs the charts at the largest scale that the search finds. All atlases have one scale, which the fullest of them
