@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/base/portable_math.h"
+#include "core/mesh/predicates.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
