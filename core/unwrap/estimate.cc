@@ -37,12 +37,12 @@ constexpr double kLooseVerticesPerPiece = 2.5;
 constexpr double kSecondsPerByte = 1e-8;
 constexpr double kSecondsPerPiece = 8e-6;  // charts and maps, beside those of any face
 constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
-// Of one face in a mesh of kReferenceFaces: solving, and finding charts. Of 10,033 generated meshes of 60 to 6,000
-// faces 95 % took a third of that or more, on a machine both of whose cores were busy. Of those that took 0.05 s or
-// more, all but one took at most 2.8 times that. Nets of 444,216 and 2,000,472 faces took 0.4 times.
+// Of one face in a mesh of kReferenceFaces: solving, and finding charts. 95 % take a third of the estimate or more, of
+// 1,792 generated meshes of 60 to 6,000 faces, of 10,033 others, and of 288 of 8,000 to 150,000. Of those that take
+// 0.05 s or more, none takes more than 2.4, 3.1 and 2.7 times the estimate. That is on an AMD EPYC, both cores busy.
 constexpr double kReferenceFaces = 50'000;
-constexpr double kSolve = 5.9e-6, kSolvePower = 0.05;
-constexpr double kMerge = 7.2e-6, kMergePower = 0.05;
+constexpr double kSolve = 5.2e-6, kSolvePower = 0.05;
+constexpr double kMerge = 6.4e-6, kMergePower = 0.05;
 // Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
 // discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
 // 600e-6.
@@ -67,7 +67,7 @@ double Pieces(double faces, double vertices) {
 }
 
 // What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
-constexpr double kFewCharts = 4.5;
+constexpr double kFewCharts = 4;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
