@@ -38,11 +38,11 @@ constexpr double kSecondsPerByte = 1e-8;
 constexpr double kSecondsPerPiece = 8e-6;  // charts and maps, beside those of any face
 constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
 // Of one face in a mesh of kReferenceFaces: solving, and finding charts. 95 % take a third of the estimate or more, of
-// 1,792 generated meshes of 60 to 6,000 faces, of 10,033 others, and of 288 of 8,000 to 150,000. Of those that take
-// 0.05 s or more, none takes more than 2.4, 3.1 and 2.7 times the estimate. That is on an AMD EPYC, both cores busy.
+// 12,181 generated meshes of 60 to 6,000 faces and of 288 of 8,000 to 150,000. Of those that take 0.05 s or more, none
+// takes more than three times the estimate. That is on an AMD EPYC, both cores busy.
 constexpr double kReferenceFaces = 50'000;
-constexpr double kSolve = 5.2e-6, kSolvePower = 0.05;
-constexpr double kMerge = 6.4e-6, kMergePower = 0.05;
+constexpr double kSolve = 5.35e-6, kSolvePower = 0.05;
+constexpr double kMerge = 6.55e-6, kMergePower = 0.05;
 // Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
 // discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
 // 600e-6.
