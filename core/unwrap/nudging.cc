@@ -19,6 +19,11 @@ constexpr int kNudges = 16;            // places that are tried for a chart
 constexpr int kShakes = 8;             // turns that a draft tries
 constexpr std::int64_t kFewFaces = 4;  // of a chart with more faces that collapse, some would wherever it lies
 
+// Otherwise charts have places of their own, which they keep.
+bool ArePacked(const Job& job) {
+  return job.options.pack && job.options.seams.policy != SeamPolicy::kNone;
+}
+
 // The UV of the chart's corners as they are delivered.
 void WriteUv(const MappedChart& mapped, Precision precision, CornerUv* uv) {
   const Chart& chart = mapped.chart;
@@ -45,6 +50,7 @@ Vec2 Nudge(int i) {
 }  // namespace
 
 void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery) {
+  if (!ArePacked(job)) return;
   bool any = false;
   for (MappedChart& mapped : charts->charts) {
     if (job.execution.IsCancelled()) return;
@@ -68,7 +74,7 @@ void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery) {
 }
 
 bool NudgeCharts(const Job& job, Charts* charts, Delivery* delivery) {
-  if (!job.options.pack || job.options.seams.policy == SeamPolicy::kNone) return false;
+  if (!ArePacked(job)) return false;
   const bool any_turned = delivery->orientation.flipped + delivery->orientation.degenerate > 0;
   if (!any_turned && delivery->overlaps.pairs == 0) return false;
   bool any = false;
