@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <utility>
 
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
@@ -96,35 +95,6 @@ HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
   return best;
 }
 
-namespace {
-
-// Numbers the points as they follow each other, if the edges, which stay in their order, make one loop of them all.
-void NumberAlongLoop(Outline* outline) {
-  const std::size_t n = outline->points.size();
-  if (outline->edges.size() != n) return;
-  std::vector<Vec2> points;
-  std::vector<char> is_seen(n, 0);
-  for (std::size_t e = 0; e < n; ++e) {
-    const auto [from, to] = outline->edges[e];
-    if (to != outline->edges[(e + 1) % n][0] || std::exchange(is_seen[from], 1) != 0) return;
-    points.push_back(outline->points[from]);
-  }
-  outline->points = std::move(points);
-  for (std::size_t e = 0; e < n; ++e) {
-    outline->edges[e] = {static_cast<std::int32_t>(e), static_cast<std::int32_t>((e + 1) % n)};
-  }
-}
-
-// Whether these are the same points in the same cyclic order.
-bool AreInTurn(const std::vector<Vec2>& points, const std::vector<Vec2>& others) {
-  if (points.size() != others.size()) return false;
-  const auto first = std::find(points.begin(), points.end(), others.front());
-  return std::equal(first, points.end(), others.begin()) &&
-         std::equal(points.begin(), first, others.begin() + (points.end() - first));
-}
-
-}  // namespace
-
 Outline MakeOutline(const PackChart& chart) {
   Outline outline;
   // Without faces each point is one.
@@ -178,26 +148,23 @@ Outline MakeOutline(const PackChart& chart) {
     outline.edges.push_back({0, 0});
   }
   OrderAlongLoops(outline.points.size(), &outline.edges);
-  NumberAlongLoop(&outline);
   for (const Vec2& p : outline.points) outline.radius = std::max(outline.radius, p.norm());
-  outline.own_hull = ConvexHull(outline.points);
-  if (outline.own_hull.size() > 1) {
-    const HullRectangle rectangle = LeastRectangle(outline.own_hull);
+  outline.hull = ConvexHull(outline.points);
+  if (outline.hull.size() > 1) {
+    const HullRectangle rectangle = LeastRectangle(outline.hull);
     outline.upright = -portable::Atan2(rectangle.along.y(), rectangle.along.x()) +
                       (rectangle.height > rectangle.width ? std::numbers::pi / 2 : 0);
   }
   // There may be a hundred thousand triangles.
   outline.points.shrink_to_fit();
   outline.edges.shrink_to_fit();
-  outline.own_hull.shrink_to_fit();
-  if (AreInTurn(outline.points, outline.own_hull)) outline.own_hull = {};
+  outline.hull.shrink_to_fit();
   return outline;
 }
 
 Outline Simplified(const Outline& outline, double tolerance) {
   constexpr std::size_t kLongestRun = 32;  // edges that become one, at most: the search is linear then
   Outline simple = outline;
-  simple.own_hull = outline.hull();
   simple.points.clear();  // their memory stays, and is enough
   simple.edges.clear();
   std::vector<std::int32_t> local(outline.points.size(), -1);
@@ -258,7 +225,7 @@ void ScanLines::ForEachInside(const std::function<void(int y, int begin, int end
 Box BoxAt(const Outline& outline, double angle) {
   const Rotation rotate(angle);
   Box box;
-  for (const Vec2& p : outline.hull()) box.Add(rotate(p));
+  for (const Vec2& p : outline.hull) box.Add(rotate(p));
   return box;
 }
 

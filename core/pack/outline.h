@@ -38,15 +38,12 @@ struct Pose {
 struct Outline {
   std::vector<Vec2> points;                        // of the edges, minus `centre`
   std::vector<std::array<std::int32_t, 2>> edges;  // from, to; each loop from one edge to the next
-  std::vector<Vec2> own_hull;                      // hull(), unless that is all points as they follow each other
+  std::vector<Vec2> hull;                          // convex, counter-clockwise, minus `centre`; never empty
   Vec2 centre = Vec2::Zero();                      // of the box round the faces
   double area = 0;                                 // of the faces
   double radius = 0;                               // of a circle round 0 that holds all points
   double upright = 0;  // turn, radians, that makes the rectangle of least area upright, longer along u
   double slack = 0;    // how far the outline of the chart may lie from this one (Simplified())
-
-  // The corners of the convex hull, counter-clockwise, minus `centre`; never empty.
-  const std::vector<Vec2>& hull() const { return own_hull.empty() ? points : own_hull; }
 };
 
 // The corners of the convex hull, counter-clockwise; one or two if all points lie on a line. O(n log n), exact.

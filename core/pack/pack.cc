@@ -113,7 +113,7 @@ class Packer {
       std::vector<double> areas(options_.atlases, 0.0);
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         double perimeter = 0;
-        const std::vector<Vec2>& hull = charts_.outlines[i].hull();
+        const std::vector<Vec2>& hull = charts_.outlines[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
         areas[charts_.atlas[i]] +=
             charts_.outlines[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;

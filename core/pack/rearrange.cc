@@ -146,7 +146,7 @@ class Search {
     }
     if (samples.empty()) samples.push_back(outline.points[0]);
     Box box;
-    for (const Vec2& p : outline.hull()) box.Add(p);
+    for (const Vec2& p : outline.hull) box.Add(p);
     const Vec2 extent = box.high - box.low;
     const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
     for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
@@ -172,7 +172,7 @@ class Search {
     Turned turned;
     turned.angle = angle;
     const Rotation rotate(angle, scales_[i] / image_.pixel);
-    for (const Vec2& p : outlines_[i].hull()) turned.box.Add(rotate(p));
+    for (const Vec2& p : outlines_[i].hull) turned.box.Add(rotate(p));
     turned.fits = (turned.box.high - turned.box.low).maxCoeff() <= options_.side + 1;
     turned.range = {Range(turned, 0), Range(turned, 1)};
     work_ += kTurnWork * std::ssize(samples);

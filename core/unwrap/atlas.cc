@@ -110,13 +110,10 @@ void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* char
   for (MappedChart& mapped : charts->charts) {
     if (mapped.map.placement) continue;
     const Box box = BoxOf(mapped.map);
-    const Vec2 centre = (box.low + box.high) / 2;
-    double radius = 0;
-    for (const Vec2& p : mapped.map.positions) radius = std::max(radius, (p - centre).norm());
     const double weight = WeightOf(options, *charts->surface, mapped.chart);
     ChartPlacement& place = mapped.map.placement.emplace();
-    place.scale = DrawnScale(radius, weight, atlas.scale, charts->charts.size(), options.atlas);
-    place.offset = middle - place.scale * centre;
+    place.scale = DrawnScale(ExtentOf(mapped.map.positions) / 2, weight, atlas.scale, charts->count(), options.atlas);
+    place.offset = middle - place.scale * (box.low + box.high) / 2;
   }
 }
 
@@ -170,15 +167,26 @@ std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face) {
   return options.face_atlas.empty() ? 0 : options.face_atlas[face];
 }
 
+void WriteUv(const MappedChart& mapped, Precision precision, const Execution& execution, CornerUv* uv) {
+  const Chart& chart = mapped.chart;
+  const ChartPlacement& place = *mapped.map.placement;
+  execution.ForEach(chart.topology->num_faces(), [&](std::int64_t f) {
+    for (int k = 0; k < 3; ++k) {
+      Vec2 p = place(mapped.map.positions[chart.topology->faces[f][k]]);
+      if (precision == Precision::kFloat) p = p.cast<float>().cast<double>();
+      SetUv(3 * chart.faces[f] + k, p, uv);
+    }
+  });
+}
+
 absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts) {
   Timer timer;
   const Mesh& mesh = job->mesh;
   job->progress.chart_count = charts->count();
   job->progress.chart = charts->count() - 1;
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kPack));
-  const bool stays = !job->options.pack || job->options.seams.policy == SeamPolicy::kNone;
   Atlas atlas;
-  if (before != nullptr && is_draft && !stays) {
+  if (before != nullptr && is_draft && job->packs()) {
     atlas = *before;
     PlaceRoughly(job->options, atlas, charts);
   } else {
@@ -186,14 +194,7 @@ absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, C
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts->charts) {
-    job->execution.ForEach(chart.topology->num_faces(), [&, &chart = chart, &map = map](std::int64_t f) {
-      for (int k = 0; k < 3; ++k) {
-        const Vec2& p = map.positions[chart.topology->faces[f][k]];
-        SetUv(3 * chart.faces[f] + k, stays ? Vec2(p + map.placement->offset) : (*map.placement)(p), &atlas.uv);
-      }
-    });
-  }
+  for (const MappedChart& mapped : charts->charts) WriteUv(mapped, Precision::kDouble, job->execution, &atlas.uv);
   if (!charts->ignored.empty()) PlaceElsewhere(mesh, job->options, charts->FaceChart(mesh), &atlas.uv);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   job->seconds.pack += timer.Restart();

@@ -19,23 +19,6 @@ constexpr int kNudges = 16;            // places that are tried for a chart
 constexpr int kShakes = 8;             // turns that a draft tries
 constexpr std::int64_t kFewFaces = 4;  // of a chart with more faces that collapse, some would wherever it lies
 
-// Otherwise charts have places of their own, which they keep.
-bool ArePacked(const Job& job) {
-  return job.options.pack && job.options.seams.policy != SeamPolicy::kNone;
-}
-
-// The UV of the chart's corners as they are delivered.
-void WriteUv(const MappedChart& mapped, Precision precision, CornerUv* uv) {
-  const Chart& chart = mapped.chart;
-  for (std::int32_t f = 0; f < chart.topology->num_faces(); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      Vec2 p = (*mapped.map.placement)(mapped.map.positions[chart.topology->faces[f][k]]);
-      if (precision == Precision::kFloat) p = p.cast<float>().cast<double>();
-      SetUv(3 * chart.faces[f] + k, p, uv);
-    }
-  }
-}
-
 std::int64_t CountTurned(const Charts& charts, const Chart& chart, const CornerUv& uv) {
   return std::count_if(chart.faces.begin(), chart.faces.end(),
                        [&](std::int32_t f) { return !charts.is_ignored(f) && Orientation(TriangleOf(uv, f)) <= 0; });
@@ -47,55 +30,68 @@ Vec2 Nudge(int i) {
   return length * Vec2(portable::Cos(angle), portable::Sin(angle));
 }
 
+// Moves a chart to the first place(i), i in [0, count), at which the UV as delivered are as wanted, and returns whether
+// there is one. If not, the chart stays.
+template <typename Place, typename IsWanted>
+bool MoveTo(int count, const Place& place, const IsWanted& is_wanted, const Job& job, MappedChart* mapped,
+            Delivery* delivery) {
+  const ChartPlacement before = *mapped->map.placement;
+  const auto put = [&](const ChartPlacement& there) {
+    mapped->map.placement = there;
+    WriteUv(*mapped, delivery->precision, job.execution, &delivery->uv);
+  };
+  for (int i = 0; i < count; ++i) {
+    put(place(i));
+    if (is_wanted()) return true;
+  }
+  put(before);
+  return false;
+}
+
 }  // namespace
 
 void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery) {
-  if (!ArePacked(job)) return;
+  if (!job.packs()) return;
   bool any = false;
   for (MappedChart& mapped : charts->charts) {
     if (job.execution.IsCancelled()) return;
-    if (CountTurned(*charts, mapped.chart, delivery->uv) > 0) continue;
-    ChartPlacement& place = *mapped.map.placement;
-    const ChartPlacement before = place;
-    const Vec2 pivot = mapped.map.positions.front();
-    bool is_turned = false;
-    for (int i = 1; i <= kShakes && !is_turned; ++i) {
-      place.angle = before.angle + i;
+    const auto is_turned = [&] { return CountTurned(*charts, mapped.chart, delivery->uv) > 0; };
+    if (is_turned()) continue;
+    const ChartPlacement before = *mapped.map.placement;
+    const auto turned_about_a_corner = [&](int i) {
+      const Vec2& pivot = mapped.map.positions.front();
+      ChartPlacement place = before;
+      place.angle += i + 1;
       place.offset += before(pivot) - place(pivot);
-      WriteUv(mapped, delivery->precision, &delivery->uv);
-      is_turned = CountTurned(*charts, mapped.chart, delivery->uv) > 0;
-    }
-    any |= is_turned;
-    if (is_turned) continue;
-    place = before;
-    WriteUv(mapped, delivery->precision, &delivery->uv);
+      return place;
+    };
+    any |= MoveTo(kShakes, turned_about_a_corner, is_turned, job, &mapped, delivery);
   }
   if (any) delivery->orientation = CheckOrientations(delivery->uv, job.execution, charts->ignored);
 }
 
 bool NudgeCharts(const Job& job, Charts* charts, Delivery* delivery) {
-  if (!ArePacked(job)) return false;
+  if (!job.packs()) return false;
   const bool any_turned = delivery->orientation.flipped + delivery->orientation.degenerate > 0;
-  if (!any_turned && delivery->overlaps.pairs == 0) return false;
+  const bool any_overlap = delivery->overlaps.pairs > 0;
+  if (!any_turned && !any_overlap) return false;
   bool any = false;
   for (MappedChart& mapped : charts->charts) {
     if (job.execution.IsCancelled()) return false;
-    CornerUv& uv = delivery->uv;
-    const auto overlaps = [&] { return OverlapsWithin({&mapped}, uv, charts->ignored, job.execution).pairs > 0; };
-    const std::int64_t turned = any_turned ? CountTurned(*charts, mapped.chart, uv) : 0;
-    if (turned > kFewFaces || (turned == 0 && (delivery->overlaps.pairs == 0 || !overlaps()))) continue;
-    ChartPlacement& place = *mapped.map.placement;
-    const Vec2 before = place.offset;
-    bool is_sound = false;
-    for (int i = 0; i < kNudges && !is_sound; ++i) {
-      place.offset = before + Nudge(i);
-      WriteUv(mapped, delivery->precision, &uv);
-      is_sound = CountTurned(*charts, mapped.chart, uv) == 0 && !overlaps();
-    }
-    any |= is_sound;
-    if (is_sound) continue;
-    place.offset = before;
-    WriteUv(mapped, delivery->precision, &uv);
+    const auto count_turned = [&] { return CountTurned(*charts, mapped.chart, delivery->uv); };
+    const auto overlaps = [&] {
+      return OverlapsWithin({&mapped}, delivery->uv, charts->ignored, job.execution).pairs > 0;
+    };
+    const std::int64_t turned = any_turned ? count_turned() : 0;
+    if (turned > kFewFaces || (turned == 0 && !(any_overlap && overlaps()))) continue;
+    const ChartPlacement before = *mapped.map.placement;
+    const auto nudged = [&](int i) {
+      ChartPlacement place = before;
+      place.offset += Nudge(i);
+      return place;
+    };
+    const auto is_sound = [&] { return count_turned() == 0 && !overlaps(); };
+    any |= MoveTo(kNudges, nudged, is_sound, job, &mapped, delivery);
   }
   if (any) delivery->orientation = CheckOrientations(delivery->uv, job.execution, charts->ignored);
   return any;

@@ -210,7 +210,6 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const double of_float = Resolution(job->options, drawn_area, 0x1p-24);
   const double of_solve = Resolution(job->options, drawn_area, std::ldexp(1.0, -kDigitsOfSolve));
   const double of_double = Resolution(job->options, drawn_area, 0x1p-53);
-  charts.resolution = job->options.precision == Precision::kDouble ? of_double : of_float;
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
@@ -231,9 +230,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.
-  if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) {
-    charts.resolution = of_double;
-  }
+  const bool is_double = job->options.precision == Precision::kDouble ||
+                         (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float));
+  charts.resolution = is_double ? of_double : of_float;
   charts.charts.resize(charts.segmentation->charts().size());
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
   job->seconds.charts = timer.Restart();

@@ -49,6 +49,8 @@ struct Job {
 
   // Announces a stage. CANCELLED after a cancellation.
   absl::Status Enter(UnwrapStage stage);
+  // Whether the packer places the charts. Otherwise they have places of their own.
+  bool packs() const { return options.pack && options.seams.policy != SeamPolicy::kNone; }
   bool may_split() const {
     return options.seams.policy == SeamPolicy::kAuto || options.seams.policy == SeamPolicy::kNeeded;
   }
@@ -82,8 +84,8 @@ struct Charts {
     double longest = 0;  // edge, as drawn: which sets the scale if it is longer than the texture
   };
   std::map<std::int32_t, AtlasSize> atlas_size;
-  // What places are rounded to, about, in the units of the surface: with float, if it may be delivered (otherwise 0),
-  // and with the last type that is tried, which faces are widened for.
+  // What places are rounded to, about, in the units of the surface: with float, or with double if that is known to be
+  // delivered; and with the last type that is tried, which faces are widened for.
   double resolution = 0, grain = 0;
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
@@ -175,6 +177,9 @@ struct Atlas {
 // solved since lie in one place, at its scale; otherwise all are packed with the fewest trials. CANCELLED after a
 // cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts);
+
+// Writes the UV of the chart's corners, rounded to this type, as the map has been placed.
+void WriteUv(const MappedChart& mapped, Precision precision, const Execution& execution, CornerUv* uv);
 
 // A chart that is stretched beyond this times SeamOptions::max_stretch as delivered is cut, or a warning names it:
 // rounding to float adds less.
