@@ -14,9 +14,9 @@
 
 #include "absl/strings/escaping.h"
 #include "client/cli/batch_plan.h"
-#include "client/cli/mesh_input.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"
+#include "client/cli/unwrap_files.h"
 #include "core/base/random_id.h"
 #include "core/base/sha256.h"
 #include "core/base/timer.h"
@@ -245,9 +245,7 @@ class BatchJob {
 
   // `fetched`: the job ran on its own, before or while we watched.
   void Deliver(UnwrapResult result, bool fetched) {
-    const WrittenMesh written = files_->WithResult(result);
-    for (const OutputFile& file : written.files) {
-      WriteOutput(file.path, file.bytes);
+    for (const OutputFile& file : files_->WriteResult(result)) {
       const fs::path place = fs::path(file.path).lexically_relative(arguments_.output);
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }

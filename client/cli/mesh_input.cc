@@ -8,14 +8,17 @@
 #include <optional>
 #include <set>
 #include <string_view>
+#include <thread>
 #include <vector>
 
+#include "client/cli/check.h"
 #include "client/cli/results.h"
 #include "client/cli/seams.h"
 #include "client/files/file_io.h"
 #include "client/pictures/map_picture.h"
 #include "client/pictures/uv_preview.h"
 #include "client/src/errors.h"
+#include "core/base/thread_team.h"
 
 namespace planish::cli {
 namespace {
@@ -30,14 +33,24 @@ const Part& PartOf(const std::vector<Part>& parts, std::int64_t Part::*first, st
   return *(behind - 1);
 }
 
-}  // namespace
-
-MeshInput::MeshInput(const std::vector<std::string>& paths, int texcoord) {
+std::vector<MeshFile> ReadFiles(const std::vector<std::string>& paths, int texcoord) {
+  std::vector<MeshFile> files;
   for (const std::string& path : paths) {
     absl::StatusOr<MeshFile> file = ReadMeshFile(path, {texcoord});
     if (!file.ok()) throw ErrorFrom(file.status());
+    files.push_back(*std::move(file));
+  }
+  return files;
+}
+
+}  // namespace
+
+MeshInput::MeshInput(const std::vector<std::string>& paths, int texcoord) : MeshInput(ReadFiles(paths, texcoord)) {}
+
+MeshInput::MeshInput(std::vector<MeshFile> files) {
+  for (MeshFile& file : files) {
     Part part;
-    part.file = *std::move(file);
+    part.file = std::move(file);
     part.triangulation = Triangulate(part.file.mesh);
     part.first_vertex = mesh_.num_vertices();
     part.first_face = mesh_.num_faces();
@@ -89,6 +102,28 @@ std::vector<std::int32_t> MeshInput::SeamCorners(const SeamList& list) const {
 
 std::vector<std::int32_t> MeshInput::UncutCorners(const SeamList& list) const {
   return OfAllParts([&](const Part& part) { return cli::UncutCorners(part.file, part.triangulation, list); });
+}
+
+std::vector<std::int32_t> MeshInput::FacePolygons() const {
+  std::vector<std::int32_t> pieces;
+  std::int32_t first = 0;
+  bool any = false;
+  for (const Part& part : parts_) {
+    const std::vector<std::int32_t>& own = part.triangulation.piece;
+    for (const std::int32_t piece : own) pieces.push_back(first + piece);
+    const std::int32_t count = own.empty() ? 0 : *std::max_element(own.begin(), own.end()) + 1;
+    any |= count < static_cast<std::int32_t>(own.size());
+    first += count;
+  }
+  return any ? pieces : std::vector<std::int32_t>();
+}
+
+std::vector<std::int64_t> MeshInput::FaultyPolygons() const {
+  std::vector<std::int64_t> faulty;
+  for (const Part& part : parts_) {
+    for (const auto& [polygon, fault] : part.triangulation.faulty) faulty.push_back(part.first_polygon + polygon);
+  }
+  return faulty;
 }
 
 std::vector<std::int32_t> MeshInput::CornerTexcoords() const {
@@ -350,20 +385,17 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
   return outputs;
 }
 
-WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const {
+WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs, std::int64_t* torn) const {
   WrittenMesh written;
+  const std::vector<double> numbers = uv.As<double>();
+  if (torn != nullptr) *torn = 0;
   for (std::size_t p = 0; p < parts_.size(); ++p) {
     const Part& part = parts_[p];
-    std::vector<double> by_corner(2 * part.file.mesh.corner_vertex.size(), 0.0);
-    const std::size_t first = 3 * static_cast<std::size_t>(part.first_face);
-    for (std::size_t i = 0; i < part.triangulation.corner_of_triangle.size(); ++i) {
-      const auto corner = static_cast<std::size_t>(part.triangulation.corner_of_triangle[i]);
-      by_corner[2 * corner] = uv[2 * (first + i)];
-      by_corner[2 * corner + 1] = uv[2 * (first + i) + 1];
-    }
+    const PolygonUv polygon_uv = UvOfPolygons(part.file.mesh, part.triangulation, numbers.data() + 6 * part.first_face);
+    if (torn != nullptr) *torn += static_cast<std::int64_t>(polygon_uv.torn.size());
     OutputOptions output = outputs[p];
     output.uv_is_float = uv.precision() == Precision::kFloat;
-    absl::StatusOr<WrittenMesh> one = WriteMeshWithUv(part.file, by_corner, output);
+    absl::StatusOr<WrittenMesh> one = WriteMeshWithUv(part.file, polygon_uv, output);
     if (!one.ok()) throw ErrorFrom(one.status());
     for (OutputFile& file : one->files) written.files.push_back(std::move(file));
     for (const OutputWarning& warning : one->warnings) {
@@ -412,82 +444,6 @@ void MakeDirectory(const std::filesystem::path& directory) {
   if (!error) return;
   throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",
               directory.string() + ": cannot be made: " + error.message());
-}
-
-namespace {
-
-// What the value of a label may have.
-constexpr std::size_t kMaxLabelBytes = 256;
-
-// The end of a text that is too long, from the beginning of a character on.
-std::string LastBytes(const std::string& text, std::size_t most) {
-  if (text.size() <= most) return text;
-  std::size_t begin = text.size() - most;
-  while (begin < text.size() && (static_cast<unsigned char>(text[begin]) & 0xC0) == 0x80) ++begin;
-  return text.substr(begin);
-}
-
-}  // namespace
-
-std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file) {
-  std::map<std::string, std::string> labels = {{"file", LastBytes(ValidUtf8(file), kMaxLabelBytes)}};
-  for (const auto& [key, value] : arguments.labels) labels[ValidUtf8(key)] = ValidUtf8(value);
-  return labels;
-}
-
-UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-                         int texcoord, int output_texcoord)
-    : input_(inputs, texcoord),
-      seam_corners_(input_.SeamCorners(arguments.seams)),
-      uncut_corners_(input_.UncutCorners(arguments.seams)) {
-  if (arguments.atlas_per) {
-    constexpr std::size_t kMaxTiles = 100;
-    atlases_ = input_.AtlasesPer(*arguments.atlas_per);
-    const std::size_t tiles = atlases_.names.size() * static_cast<std::size_t>(std::max(1, arguments.options.tiles));
-    if (arguments.options.atlas_layout == AtlasLayout::kUdim && tiles > kMaxTiles) {
-      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                  std::string("--atlas-per=") + ToString(*arguments.atlas_per) + ": " + input_.path() + " makes " +
-                      Counted(static_cast<std::int64_t>(atlases_.names.size()), "atlas", "atlases") + ", which take " +
-                      std::to_string(tiles) + " tiles; UDIM has " + std::to_string(kMaxTiles) +
-                      " here. --atlas-layout=stacked has no such limit",
-                  {{"field", "face_atlas"}});
-    }
-  }
-  for (const double weight : input_.FaceWeights(arguments.material_weights)) {
-    weights_.push_back(static_cast<float>(weight));
-  }
-  if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
-}
-
-MeshView UnwrapFiles::view() const {
-  return input_.view()
-      .WithSeamCorners(seam_corners_)
-      .WithUncutCorners(uncut_corners_)
-      .WithFaceAtlas(atlases_.of_face)
-      .WithFaceWeights(weights_);
-}
-
-UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
-  for (const OutputOptions& output : outputs_) {
-    if (!IsFloatByNature(output.format)) continue;
-    if (options.precision == Precision::kDouble) {
-      throw Error(ErrorCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
-                  output.path +
-                      ": this format holds UV as float only; leave --precision=double out, or write .obj, "
-                      ".ply or .off");
-    }
-    options.precision = Precision::kFloat;
-  }
-  return options;
-}
-
-WrittenMesh UnwrapFiles::WithResult(UnwrapResult& result) const {
-  for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
-  WrittenMesh written = input_.WithUv(result.uv, outputs_);
-  for (const OutputWarning& warning : written.warnings) {
-    result.report.warnings.push_back({warning.reason, warning.message, {}});
-  }
-  return written;
 }
 
 }  // namespace planish::cli

@@ -30,6 +30,8 @@ class MeshInput {
   // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_UNSUPPORTED, FILE_MALFORMED.
   explicit MeshInput(const std::vector<std::string>& paths, int texcoord = 0);
   explicit MeshInput(const std::string& path) : MeshInput(std::vector<std::string>{path}) {}
+  // Of files that were read already, at least one.
+  explicit MeshInput(std::vector<MeshFile> files);
 
   // Of the first file.
   const std::string& path() const { return parts_.front().file.path; }
@@ -61,8 +63,12 @@ class MeshInput {
 
   // What `list` takes from the files, in the order of view() (seams.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
-  // The corners that face a diagonal of a polygon, or an edge that `list` wants uncut.
+  // The corners that face an edge that `list` wants uncut.
   std::vector<std::int32_t> UncutCorners(const SeamList& list) const;
+  // Per face of view() the piece of a polygon that it belongs to (Triangulation::piece). Empty: every face is one.
+  std::vector<std::int32_t> FacePolygons() const;
+  // Polygons that may not stay in one piece, as the files count them.
+  std::vector<std::int64_t> FaultyPolygons() const;
 
   // The polygon of a triangle of mesh(), as the files count them.
   std::int64_t PolygonOf(std::int64_t triangle) const;
@@ -78,8 +84,9 @@ class MeshInput {
   // files of the same names in it. Throws OUTPUT_UNSUPPORTED where a format cannot hold what it would have to, two
   // files would get the same name, or several files have no directory; FILE_UNWRITABLE where there is none to write to.
   std::vector<OutputOptions> Outputs(const std::string& out, int texcoord) const;
-  // The files with UV; `uv` in the order of view(). Throws UV_PRECISION for UV in double where a format lacks them.
-  WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const;
+  // The files with UV; `uv` in the order of view(). Polygons that the map tears become several faces; `torn` gets their
+  // number. Throws UV_PRECISION for UV in double where a format lacks them.
+  WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs, std::int64_t* torn = nullptr) const;
   // A PNG file that shows the map (client/pictures/map_picture.h); angles in degrees.
   std::string Picture(const Uv& uv, double azimuth, double elevation) const;
   // A PNG or, where `path` ends in .svg, an SVG file that shows the layout (client/pictures/uv_preview.h). `packed`:
@@ -119,41 +126,5 @@ void WriteOutput(const std::string& path, const std::string& bytes);
 void CheckOutput(const std::string& path);
 // Makes a directory for output and those above it, where they are missing; throws FILE_UNWRITABLE.
 void MakeDirectory(const std::filesystem::path& directory);
-
-// ---- One unwrap, from input files to output files
-
-// The labels of a job on this file: those of the arguments, and "file" with the file's name unless the arguments have
-// it.
-std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file);
-
-class UnwrapFiles {
- public:
-  // Reads the files, which become one mesh, and the seams, atlases and weights that `arguments` take from them; other
-  // paths in `arguments` do not matter. `output` as for MeshInput::Outputs; empty: nothing will be written. Throws what
-  // that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the files do not have or
-  // that are too many, and MATERIAL_UNKNOWN.
-  UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-              int texcoord, int output_texcoord);
-
-  const MeshInput& input() const { return input_; }
-  // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
-  MeshView view() const;
-  // Of the atlases, by their numbers; empty without --atlas-per.
-  const std::vector<std::string>& atlas_names() const { return atlases_.names; }
-  // What to ask the server for: `options`, in float where that is all that the output can hold. Throws
-  // OUTPUT_UNSUPPORTED where `options` insist on double.
-  UnwrapOptions Options(UnwrapOptions options) const;
-  // The output with the UV of `result`, whose warnings become those of the files: in their own ids, and with what was
-  // noticed on the way. Writes nothing.
-  WrittenMesh WithResult(UnwrapResult& result) const;
-
- private:
-  MeshInput input_;
-  std::vector<std::int32_t> seam_corners_;
-  std::vector<std::int32_t> uncut_corners_;
-  FaceAtlases atlases_;
-  std::vector<float> weights_;
-  std::vector<OutputOptions> outputs_;
-};
 
 }  // namespace planish::cli

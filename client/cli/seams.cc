@@ -113,12 +113,16 @@ std::pair<std::int64_t, std::int64_t> EndsFacedBy(const Triangulation& triangles
   return {triangles.corner_of_triangle[first + (c + 1) % 3], triangles.corner_of_triangle[first + (c + 2) % 3]};
 }
 
-// Whether that edge is none of the polygon's own.
-bool IsDiagonal(const MeshFile& file, const Triangulation& triangles, std::size_t c) {
-  const auto [a, b] = EndsFacedBy(triangles, c);
-  const auto polygon = static_cast<std::size_t>(triangles.source_polygon[c / 3]);
-  const std::int64_t begin = file.mesh.polygon_begin[polygon], last = file.mesh.polygon_begin[polygon + 1] - 1;
-  return b - a != 1 && a - b != 1 && std::minmax({a, b}) != std::minmax({begin, last});
+// Per corner: whether the edge that it faces is none of its polygon's own.
+std::vector<char> FacesDiagonal(const Triangulation& triangles) {
+  std::vector<char> result(triangles.corner_of_triangle.size(), 0);
+  const auto faces = static_cast<std::int64_t>(triangles.source_polygon.size());
+  const auto polygon = [&](std::int64_t f) { return triangles.source_polygon[static_cast<std::size_t>(f)]; };
+  for (std::int64_t begin = 0, end; begin < faces; begin = end) {
+    for (end = begin + 1; end < faces && polygon(end) == polygon(begin);) ++end;
+    for (const auto& [c, d] : Diagonals(triangles, begin, end)) result[c] = result[d] = 1;
+  }
+  return result;
 }
 
 }  // namespace
@@ -126,13 +130,14 @@ bool IsDiagonal(const MeshFile& file, const Triangulation& triangles, std::size_
 PolygonEdges::PolygonEdges(const MeshFile& file, const Triangulation& triangles) : file_(file), triangles_(triangles) {
   const std::size_t num_corners = triangles.corner_of_triangle.size();
   half_edges_.reserve(num_corners);
+  const std::vector<char> faces_diagonal = FacesDiagonal(triangles);
   for (std::size_t c = 0; c < num_corners; ++c) {
     Face face;
     for (std::size_t k = 0; k < 3; ++k) {
       face[k] = file.mesh.corner_vertex[triangles.corner_of_triangle[c - c % 3 + k]];
     }
     if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;
-    if (IsDiagonal(file, triangles, c)) continue;
+    if (faces_diagonal[c]) continue;
     const auto [a, b] = EndsFacedBy(triangles, c);
     const auto [low, high] = std::minmax({file.mesh.corner_vertex[a], file.mesh.corner_vertex[b]});
     half_edges_.push_back({low, high, static_cast<std::int32_t>(c)});
@@ -260,11 +265,6 @@ std::int64_t PolygonEdges::CountUvIslands() const {
 
 std::vector<std::int32_t> UncutCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list) {
   std::vector<std::int32_t> corners;
-  for (std::size_t c = 0; c < triangles.corner_of_triangle.size(); ++c) {
-    const auto [a, b] = EndsFacedBy(triangles, c);
-    // The two triangles at a diagonal run along it in opposite senses: one of them is enough.
-    if (a < b && IsDiagonal(file, triangles, c)) corners.push_back(static_cast<std::int32_t>(c));
-  }
   if (list.uncut_files.empty()) return corners;
   const PolygonEdges edges(file, triangles);
   for (const std::string& path : list.uncut_files) {

@@ -9,13 +9,13 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/mesh_input.h"
 #include "client/cli/progress.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
 #include "client/cli/text.h"
+#include "client/cli/unwrap_files.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -50,8 +50,7 @@ class ResultCommand {
   }
 
   int Deliver(UnwrapResult result, const Arguments& arguments) {
-    const WrittenMesh written = files_->WithResult(result);
-    for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+    files_->WriteResult(result);
     const MeshInput& input = files_->input();
     if (!arguments.picture.empty()) {
       WriteOutput(arguments.picture, input.Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));

@@ -99,33 +99,69 @@ bool IsEar(const std::vector<Vec2>& points, const std::vector<std::int32_t>& lef
   return true;
 }
 
+// Cuts off ears as long as there are any; `left` are the corners that remain, in their order: three of a simple polygon.
+std::vector<Face> CutOffEars(const std::vector<Vec2>& points, std::vector<std::int32_t>* left) {
+  std::vector<Face> triangles;
+  std::size_t at = 1;
+  std::size_t tried = 0;  // corners without an ear since the last one
+  while (left->size() > 3 && tried < left->size()) {
+    at %= left->size();
+    ++tried;
+    if (IsEar(points, *left, at)) {
+      const std::size_t n = left->size();
+      triangles.push_back({(*left)[(at + n - 1) % n], (*left)[at], (*left)[(at + 1) % n]});
+      left->erase(left->begin() + static_cast<std::ptrdiff_t>(at));
+      tried = 0;
+    } else {
+      ++at;
+    }
+  }
+  return triangles;
+}
+
+std::vector<std::int32_t> AllCorners(const std::vector<Vec3>& outline) {
+  std::vector<std::int32_t> corners(outline.size());
+  std::iota(corners.begin(), corners.end(), 0);
+  return corners;
+}
+
+bool IsQuadFolded(const std::vector<Vec3>& q) {
+  const auto normal = [&](int a, int b, int c) { return (q[b] - q[a]).cross(q[c] - q[a]); };
+  return normal(0, 1, 2).dot(normal(0, 2, 3)) < 0 && normal(1, 2, 3).dot(normal(1, 3, 0)) < 0;
+}
+
 }  // namespace
 
 std::vector<Face> TrianglesOfPolygon(const std::vector<Vec3>& outline) {
   std::vector<Face> triangles;
-  std::vector<std::int32_t> left(outline.size());
-  std::iota(left.begin(), left.end(), 0);
+  std::vector<std::int32_t> left = AllCorners(outline);
   const bool is_fan = (outline.size() == 4 || IsFolded(outline)) && FanHasArea(outline);
   if (outline.size() > 3 && outline.size() <= kMostPolygonCorners && !is_fan) {
     const std::vector<Vec2> points = Flattened(outline);
-    std::size_t at = 1;
-    // Corners without an ear since the last one; to begin with all, where there is nothing to cut off.
-    std::size_t tried = points.empty() || IsFan(points) ? left.size() : 0;
-    while (left.size() > 3 && tried < left.size()) {
-      at %= left.size();
-      ++tried;
-      if (IsEar(points, left, at)) {
-        const std::size_t n = left.size();
-        triangles.push_back({left[(at + n - 1) % n], left[at], left[(at + 1) % n]});
-        left.erase(left.begin() + static_cast<std::ptrdiff_t>(at));
-        tried = 0;
-      } else {
-        ++at;
-      }
-    }
+    if (!points.empty() && !IsFan(points)) triangles = CutOffEars(points, &left);
   }
   for (std::size_t i = 1; i + 1 < left.size(); ++i) triangles.push_back({left[0], left[i], left[i + 1]});
   return triangles;
+}
+
+bool CrossesItself(const std::vector<Vec3>& outline) {
+  if (outline.size() < 4 || outline.size() > kMostPolygonCorners) return false;
+  if (outline.size() == 4) return IsQuadFolded(outline);
+  const std::vector<Vec2> points = Flattened(outline);
+  // Without a normal the areas of its triangles cancel out, unless none has any.
+  if (points.empty()) return FanHasArea(outline);
+  if (IsFan(points)) return false;
+  if (IsFolded(outline) && FanHasArea(outline)) return false;  // it lies in no plane
+  std::vector<std::int32_t> left = AllCorners(outline);
+  CutOffEars(points, &left);
+  if (left.size() == 3) return false;
+  // What is left has no ear: it lies in a line, or crosses itself.
+  bool turns = false;
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    const Vec2 &a = points[left[i]], &b = points[left[(i + 1) % left.size()]], &c = points[left[(i + 2) % left.size()]];
+    turns |= TurnsLeft(a, b, c) || TurnsLeft(c, b, a);
+  }
+  return turns;
 }
 
 }  // namespace planish

@@ -64,6 +64,12 @@ absl::Status CheckPolygons(const PolygonMesh& mesh) {
   return sound ? absl::OkStatus() : InternalError("a mesh file was read into polygons that are not valid");
 }
 
+absl::StatusOr<MeshFile> Parsed(const ReadOptions& options, MeshFile file) {
+  PLANISH_RETURN_IF_ERROR(Parse(options, &file));
+  PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
+  return file;
+}
+
 absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const ReadOptions& options) {
   MeshFile file;
   file.path = path == "-" ? kStandardInput : path;
@@ -90,9 +96,7 @@ absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const Read
                          std::to_string(options.texcoord),
                      {{"path", file.path}});
   }
-  PLANISH_RETURN_IF_ERROR(Parse(options, &file));
-  PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
-  return file;
+  return Parsed(options, std::move(file));
 }
 
 absl::Status OutOfMemory(const std::string& path) {
@@ -146,9 +150,13 @@ std::optional<MeshFormat> FormatOfBytes(std::string_view bytes) {
   return std::nullopt;
 }
 
-absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options) {
+namespace {
+
+// What read() returns, or what it throws as an error.
+template <typename Read>
+absl::StatusOr<MeshFile> Caught(const std::string& path, const Read& read) {
   try {
-    return ReadMeshFileOrThrow(path, options);
+    return read();
   } catch (const std::bad_alloc&) {
     return OutOfMemory(path);
   } catch (const std::length_error&) {
@@ -156,6 +164,17 @@ absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions
   } catch (const Json::exception& error) {
     return InternalError(path + ": " + error.what());
   }
+}
+
+}  // namespace
+
+absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options) {
+  return Caught(path, [&] { return ReadMeshFileOrThrow(path, options); });
+}
+
+absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat format, std::string bytes,
+                                       const ReadOptions& options) {
+  return Caught(path, [&] { return Parsed(options, {path, format, std::move(bytes), {}, {}}); });
 }
 
 std::vector<int> UvSets(const MeshFile& file) {

@@ -51,6 +51,10 @@ struct ReadOptions {
 // else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
 
+// The same of bytes in memory, in this format. Buffers that a glTF refers to are read from beside `path`.
+absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat format, std::string bytes,
+                                       const ReadOptions& options = {});
+
 // Which sets of UV the file has, ascending: the n of each TEXCOORD_n that some triangles of a glTF have; 0 for UV of
 // other formats. Empty: none.
 std::vector<int> UvSets(const MeshFile& file);

@@ -1,6 +1,7 @@
 #include "client/files/mesh_output.h"
 
 #include <new>
+#include <optional>
 #include <stdexcept>
 
 #include "client/files/gltf_mesh.h"
@@ -26,22 +27,32 @@ absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr
   return written;
 }
 
-absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const std::vector<double>& uv, const OutputOptions& options) {
+absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon_uv, const OutputOptions& options) {
   const bool is_own = file.format == options.format;
+  const std::vector<double>& uv = polygon_uv.corner_uv;
+  std::optional<PolygonMesh> parts;
+  if (!polygon_uv.torn.empty()) parts = WithTornPolygons(file.mesh, polygon_uv.torn);
+  const PolygonMesh& mesh = parts ? *parts : file.mesh;
+  if (uv.size() != 2 * mesh.corner_vertex.size()) {
+    return InternalError("UV of " + std::to_string(uv.size() / 2) + " corners for a mesh of " +
+                         std::to_string(mesh.corner_vertex.size()));
+  }
+  const WrittenPolygons written = {mesh, uv, polygon_uv.torn};
   switch (options.format) {
     case MeshFormat::kObj:
-      return OneFile(options, WriteObjWithUv(file, uv, options.uv_is_float));
+      return OneFile(options, is_own ? WriteObj(file, written, options.uv_is_float)
+                                     : PlainObj(mesh, uv, options.uv_is_float));
     case MeshFormat::kPly:
       return OneFile(options,
-                     is_own ? WritePly(file, uv, options.uv_is_float) : PlainPly(file.mesh, uv, options.uv_is_float));
+                     is_own ? WritePly(file, written, options.uv_is_float) : PlainPly(mesh, uv, options.uv_is_float));
     case MeshFormat::kOff:
       return OneFile(options,
-                     is_own ? WriteOff(file, uv, options.uv_is_float) : PlainOff(file.mesh, uv, options.uv_is_float));
+                     is_own ? WriteOff(file, written, options.uv_is_float) : PlainOff(mesh, uv, options.uv_is_float));
     case MeshFormat::kDraco:
-      return OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(file.mesh, uv));
+      return OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(mesh, uv));
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
-      return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(file.mesh, uv, options);
+      return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(mesh, uv, options);
     case MeshFormat::kStl:
       break;
   }
@@ -86,8 +97,7 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
   return IsGltf(options.format) ? CheckTexcoord(file, options.texcoord) : absl::OkStatus();
 }
 
-absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,
-                                            const OutputOptions& options) {
+absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options) {
   PLANISH_RETURN_IF_ERROR(CheckOutput(file, options));
   if (!options.uv_is_float && IsFloatByNature(options.format)) {
     return MakeError(absl::StatusCode::kInvalidArgument, "UV_PRECISION",
@@ -95,12 +105,8 @@ absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vec
                          ": this format holds UV as float, and these need double; ask for float "
                          "(--precision=float), or write .obj, .ply or .off");
   }
-  if (corner_uv.size() != 2 * file.mesh.corner_vertex.size()) {
-    return InternalError("UV of " + std::to_string(corner_uv.size() / 2) + " corners for a mesh of " +
-                         std::to_string(file.mesh.corner_vertex.size()));
-  }
   try {
-    return Write(file, corner_uv, options);
+    return Write(file, uv, options);
   } catch (const std::bad_alloc&) {
   } catch (const std::length_error&) {
   } catch (const Json::exception& error) {

@@ -42,7 +42,8 @@ bool IsFloatByNature(MeshFormat format);
 // UV (STL) or lacks TEXCOORD sets below options.texcoord.
 absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 
-// The file with UV, (u, v) per corner of file.mesh with v upwards. In its own format everything else is kept:
+// The file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each with all else
+// that the file says of the polygon. In its own format everything else is kept:
 //
 //   OBJ     as WriteObjWithUv (mesh_file.h).
 //   PLY     encoding, elements, properties, comments. Where faces have a list "texcoord" it is rewritten; otherwise
@@ -62,7 +63,10 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 //
 // INVALID_ARGUMENT: as CheckOutput; and UV_PRECISION for UV in double where IsFloatByNature. RESOURCE_EXHAUSTED:
 // FILE_TOO_LARGE, OUT_OF_MEMORY.
-absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,
-                                            const OutputOptions& options);
+absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options);
+inline absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,
+                                                   const OutputOptions& options) {
+  return WriteMeshWithUv(file, PolygonUv{corner_uv, {}}, options);
+}
 
 }  // namespace planish

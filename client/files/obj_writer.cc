@@ -3,6 +3,7 @@
 
 #include "client/files/mesh_file.h"
 #include "client/files/obj_scanner.h"
+#include "client/files/writers.h"
 #include "core/base/number.h"
 
 namespace planish {
@@ -105,7 +106,8 @@ bool MayReferToUv(std::string_view keyword) {
 
 class ObjWriter {
  public:
-  ObjWriter(std::string_view text, const UvTable& uv) : text_(text), uv_(uv) {}
+  ObjWriter(std::string_view text, const UvTable& uv, const std::vector<TornPolygon>& torn, const PolygonMesh& mesh)
+      : text_(text), uv_(uv), torn_(torn), mesh_(mesh) {}
 
   std::string Write() {
     const std::size_t uv_offset = UvOffset(text_);
@@ -124,7 +126,7 @@ class ObjWriter {
         CopyUntil(statement.begin);
         copied_ = statement.next;
       } else if (keyword == "f") {
-        RewriteCorners(statement, true);
+        WriteFace(statement);
       } else if (MayReferToUv(keyword)) {
         RewriteCorners(statement, false);
       }
@@ -137,6 +139,37 @@ class ObjWriter {
   void CopyUntil(std::size_t offset) {
     out_ += text_.substr(copied_, offset - copied_);
     copied_ = offset;
+  }
+
+  void WriteFace(const ObjStatement& statement) {
+    const std::int64_t polygon = next_polygon_++;
+    if (next_torn_ < torn_.size() && torn_[next_torn_].polygon == polygon) {
+      WriteParts(statement, torn_[next_torn_++]);
+    } else {
+      RewriteCorners(statement, true);
+    }
+  }
+
+  // A statement for each part of a torn polygon.
+  void WriteParts(const ObjStatement& statement, const TornPolygon& torn) {
+    CopyUntil(statement.begin);
+    std::vector<ObjCorner> corners;
+    ObjTokens tokens(text_, statement);
+    std::string_view token;
+    tokens.Next(&token);
+    while (tokens.Next(&token)) corners.push_back(SplitObjCorner(token));
+    const std::string_view line_end = LineEnd(text_);
+    for (const std::vector<std::int64_t>& face : torn.faces) {
+      out_ += 'f';
+      for (const std::int64_t c : face) {
+        const ObjCorner& corner = corners[static_cast<std::size_t>(c - mesh_.polygon_begin[torn.polygon])];
+        out_.append(" ").append(corner.vertex).append("/");
+        AppendShortest(uv_.IndexOfCorner(next_corner_++), &out_);
+        out_ += corner.after;
+      }
+      out_ += line_end;
+    }
+    copied_ = statement.next;
   }
 
   // Gives the corners of a face their new vt, those of any other element none.
@@ -162,9 +195,13 @@ class ObjWriter {
 
   std::string_view text_;
   const UvTable& uv_;
+  const std::vector<TornPolygon>& torn_;
+  const PolygonMesh& mesh_;
   std::string out_;
   std::size_t copied_ = 0;  // text_ before this offset is in out_, or dropped
   std::int64_t next_corner_ = 0;
+  std::int64_t next_polygon_ = 0;
+  std::size_t next_torn_ = 0;
 };
 
 // The digits of the file, as far as one can know: float where the file held floats.
@@ -206,7 +243,7 @@ class SectionLines {
   std::int32_t material_ = -1;
 };
 
-std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
+std::string ObjOf(const PolygonMesh& mesh, const UvTable& uv) {
   std::string text;
   text.reserve(mesh.positions.size() * 40 + mesh.corner_vertex.size() * 18);
   for (const Vec3& position : mesh.positions) {
@@ -232,11 +269,19 @@ std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
 
 }  // namespace
 
+std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
+  const UvTable uv(written.mesh, written.corner_uv, uv_is_float);
+  return ObjWriter(file.bytes, uv, written.torn, file.mesh).Write();
+}
+
+std::string PlainObj(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {
+  return ObjOf(mesh, UvTable(mesh, corner_uv, uv_is_float));
+}
+
 std::string WriteObjWithUv(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float) {
   assert(corner_uv.size() == 2 * file.mesh.corner_vertex.size());
-  const UvTable uv(file.mesh, corner_uv, uv_is_float);
-  if (file.format != MeshFormat::kObj) return WritePlainObj(file.mesh, uv);
-  return ObjWriter(file.bytes, uv).Write();
+  if (file.format != MeshFormat::kObj) return PlainObj(file.mesh, corner_uv, uv_is_float);
+  return WriteObj(file, {file.mesh, corner_uv, {}}, uv_is_float);
 }
 
 }  // namespace planish

@@ -166,8 +166,9 @@ class TextEditor {
 
 class OffWriter {
  public:
-  OffWriter(const MeshFile& file, const CornerSplit& split, bool uv_is_float)
+  OffWriter(const MeshFile& file, const WrittenPolygons& written, const CornerSplit& split, bool uv_is_float)
       : file_(file),
+        written_(written),
         split_(split),
         uv_is_float_(uv_is_float),
         cursor_(file.path, file.bytes, 1, true),
@@ -185,11 +186,17 @@ class OffWriter {
       edit_.Replace(keyword.token.substr(letters, 0), "ST");
     }
     edit_.Replace(cursor_.Token(), std::to_string(split_.num_vertices()));
-    cursor_.Token();
+    const std::string_view faces = cursor_.Token();
+    if (!written_.torn.empty()) edit_.Replace(faces, std::to_string(written_.mesh.num_polygons()));
     cursor_.SkipLine();
     WriteVertices();
     std::size_t corner = 0;
+    auto torn = written_.torn.begin();
     for (std::int64_t p = 0; p < file_.mesh.num_polygons(); ++p) {
+      if (torn != written_.torn.end() && torn->polygon == p) {
+        WriteParts(*torn++, &corner);
+        continue;
+      }
       cursor_.Token();
       for (std::int64_t c = file_.mesh.polygon_begin[p]; c < file_.mesh.polygon_begin[p + 1]; ++c) {
         edit_.Replace(cursor_.Token(), std::to_string(split_.corner[corner++]));
@@ -201,6 +208,32 @@ class OffWriter {
   }
 
  private:
+  // Each with what follows the corners on the polygon's line, a colour for instance.
+  void WriteParts(const TornPolygon& torn, std::size_t* corner) {
+    const std::string_view count = cursor_.Token();
+    std::string_view last;
+    for (std::int64_t c = file_.mesh.polygon_begin[torn.polygon]; c < file_.mesh.polygon_begin[torn.polygon + 1]; ++c) {
+      last = cursor_.Token();
+    }
+    std::string rest;
+    for (const std::string_view token : cursor_.RestOfLine()) {
+      rest.append(" ").append(token);
+      last = token;
+    }
+    edit_.CopyUntil(edit_.OffsetOf(count));
+    for (std::size_t k = 0; k < torn.faces.size(); ++k) {
+      if (k > 0) edit_.Insert("\n");
+      edit_.Insert(std::to_string(torn.faces[k].size()));
+      for (std::size_t c = 0; c < torn.faces[k].size(); ++c) {
+        edit_.Insert(" ");
+        edit_.Insert(std::to_string(split_.corner[(*corner)++]));
+      }
+      edit_.Insert(rest);
+    }
+    edit_.Skip(edit_.OffsetOf(last) + last.size());
+    cursor_.SkipLine();
+  }
+
   void WriteVertices() {
     const std::size_t count = file_.mesh.positions.size();
     std::vector<std::string> old(count);
@@ -236,6 +269,7 @@ class OffWriter {
   }
 
   const MeshFile& file_;
+  const WrittenPolygons& written_;
   const CornerSplit& split_;
   const bool uv_is_float_;
   bool had_uv_ = false;
@@ -245,10 +279,10 @@ class OffWriter {
 
 }  // namespace
 
-absl::StatusOr<std::string> WriteOff(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float) {
-  const CornerSplit split =
-      SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()), file.mesh.corner_vertex, corner_uv);
-  return OffWriter(file, split, uv_is_float).Write();
+absl::StatusOr<std::string> WriteOff(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
+  const CornerSplit split = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()),
+                                         written.mesh.corner_vertex, written.corner_uv);
+  return OffWriter(file, written, split, uv_is_float).Write();
 }
 
 std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {

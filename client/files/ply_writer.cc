@@ -78,18 +78,19 @@ class PlySink {
 
 class PlyWriter {
  public:
-  PlyWriter(const MeshFile& file, const PlyHeader& header, const PlyLayout& layout, const std::vector<double>& uv,
+  PlyWriter(const MeshFile& file, const WrittenPolygons& written, const PlyHeader& header, const PlyLayout& layout,
             PlyType uv_type)
       : file_(file),
+        written_(written),
         header_(header),
         layout_(layout),
-        uv_(uv),
         uv_type_(uv_type),
         values_(file.path, file.bytes, header),
         sink_(header.encoding) {
     // With UV in the faces the vertices stay as they are.
     if (!layout_.face_uv) {
-      split_ = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()), file.mesh.corner_vertex, uv);
+      split_ = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()), written.mesh.corner_vertex,
+                            written.corner_uv);
     }
     const PlyType type = header.elements[layout.face].properties[layout.indices].type;
     const std::int64_t largest = split_.num_vertices() - 1;
@@ -146,6 +147,8 @@ class PlyWriter {
         property = 0;
         if (begins_element && element == layout_.vertex && !layout_.face_uv) {
           line = "element vertex " + std::to_string(split_.num_vertices());
+        } else if (begins_element && element == layout_.face && !written_.torn.empty()) {
+          line = "element face " + std::to_string(written_.mesh.num_polygons());
         }
       } else if (keyword.starts_with("property")) {
         const std::size_t here = property++;
@@ -211,33 +214,47 @@ class PlyWriter {
   }
 
   absl::Status WriteFaces(const PlyElement& element) {
-    std::string dropped;
+    std::vector<std::string> values(element.properties.size());  // of a face, as they are in the file
+    auto torn = written_.torn.begin();
+    std::int64_t written = 0;
     for (std::int64_t i = 0; i < element.count; ++i) {
-      const auto begin = static_cast<std::size_t>(file_.mesh.polygon_begin[i]);
-      const auto end = static_cast<std::size_t>(file_.mesh.polygon_begin[i + 1]);
-      for (std::size_t p = 0; p < element.properties.size(); ++p) {
-        const PlyProperty& property = element.properties[p];
-        const bool is_indices = p == layout_.indices && !layout_.face_uv;
-        const bool is_uv = layout_.face_uv == p;
-        PLANISH_RETURN_IF_ERROR(values_.Copy({"face", i}, property, is_indices || is_uv ? &dropped : &sink_.bytes));
-        if (is_indices) {
-          sink_.Integer(static_cast<std::int64_t>(end - begin), property.count_type);
-          for (std::size_t c = begin; c < end; ++c) sink_.Integer(split_.corner[c], index_type_);
-        } else if (is_uv) {
-          sink_.Integer(static_cast<std::int64_t>(2 * (end - begin)), FaceUvCountType());
-          for (std::size_t c = 2 * begin; c < 2 * end; ++c) sink_.Real(uv_[c], uv_type_);
-        }
-        dropped.clear();
+      for (std::size_t p = 0; p < values.size(); ++p) {
+        values[p].clear();
+        PLANISH_RETURN_IF_ERROR(values_.Copy({"face", i}, element.properties[p], &values[p]));
       }
-      sink_.EndElement();
+      const bool is_torn = torn != written_.torn.end() && torn->polygon == i;
+      const std::size_t parts = is_torn ? torn->faces.size() : 1;
+      for (std::size_t k = 0; k < parts; ++k) WriteFace(element, values, written++, is_torn);
+      torn += is_torn;
     }
     return absl::OkStatus();
   }
 
+  void WriteFace(const PlyElement& element, const std::vector<std::string>& values, std::int64_t polygon,
+                 bool is_torn) {
+    const auto begin = static_cast<std::size_t>(written_.mesh.polygon_begin[static_cast<std::size_t>(polygon)]);
+    const auto end = static_cast<std::size_t>(written_.mesh.polygon_begin[static_cast<std::size_t>(polygon) + 1]);
+    for (std::size_t p = 0; p < element.properties.size(); ++p) {
+      const PlyProperty& property = element.properties[p];
+      if (p == layout_.indices && (is_torn || !layout_.face_uv)) {
+        sink_.Integer(static_cast<std::int64_t>(end - begin), property.count_type);
+        for (std::size_t c = begin; c < end; ++c) {
+          sink_.Integer(layout_.face_uv ? written_.mesh.corner_vertex[c] : split_.corner[c], index_type_);
+        }
+      } else if (layout_.face_uv == p) {
+        sink_.Integer(static_cast<std::int64_t>(2 * (end - begin)), FaceUvCountType());
+        for (std::size_t c = 2 * begin; c < 2 * end; ++c) sink_.Real(written_.corner_uv[c], uv_type_);
+      } else {
+        sink_.bytes += values[p];
+      }
+    }
+    sink_.EndElement();
+  }
+
   const MeshFile& file_;
+  const WrittenPolygons& written_;
   const PlyHeader& header_;
   const PlyLayout& layout_;
-  const std::vector<double>& uv_;
   const PlyType uv_type_;
   PlyType index_type_ = PlyType::kInt32;
   CornerSplit split_;
@@ -247,10 +264,10 @@ class PlyWriter {
 
 }  // namespace
 
-absl::StatusOr<std::string> WritePly(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float) {
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
   PLANISH_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file.path, file.bytes));
   PLANISH_ASSIGN_OR_RETURN(const PlyLayout layout, FindPlyLayout(file.path, header));
-  return PlyWriter(file, header, layout, corner_uv, uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64).Write();
+  return PlyWriter(file, written, header, layout, uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64).Write();
 }
 
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/mesh/mesh.h"
@@ -42,17 +43,56 @@ struct PolygonMesh {
   std::int64_t num_polygons() const { return static_cast<std::int64_t>(polygon_begin.size()) - 1; }
 };
 
-// A polygon mesh cut into the triangles that travel, with the way back.
+// Why a polygon may not stay in one piece.
+enum class PolygonFault : char {
+  kCrossesItself,  // CrossesItself() (client/files/ear_clipping.h)
+  kRevisits,       // it passes through a vertex twice
+};
+
+// A polygon mesh cut into the triangles that travel, with the way back. The triangles of a polygon follow each other.
 struct Triangulation {
   Mesh mesh;                                     // vertices without a polygon are left out
   std::vector<std::int32_t> source_vertex;       // per vertex of mesh: vertex of the polygon mesh
   std::vector<std::int64_t> source_polygon;      // per face of mesh
   std::vector<std::int64_t> corner_of_triangle;  // per corner 3 f + k: corner of the polygon mesh
+
+  // Per face: the piece of a polygon that no seam may cut, numbered 0, 1, 2, ... in the order of their first faces. A
+  // polygon is one piece unless it is in `faulty`.
+  std::vector<std::int32_t> piece;
+  std::vector<std::pair<std::int64_t, PolygonFault>> faulty;  // polygons, ascending
+  // Corners that are in no triangle because they name the vertex of the corner before them; and that corner.
+  std::vector<std::array<std::int64_t, 2>> repeated_corners;
 };
+
+// Half-edges on either side of a diagonal of the polygon whose triangles are faces [begin, end): 3 f + k is the one that
+// corner k of face f faces. The lower one comes first.
+std::vector<std::array<std::int32_t, 2>> Diagonals(const Triangulation& triangles, std::int64_t begin,
+                                                   std::int64_t end);
 
 // Each polygon into the triangles of client/files/ear_clipping.h, in the order of the polygons. Vertices keep their
 // order. Indices of `polygons` must be in range.
 Triangulation Triangulate(const PolygonMesh& polygons);
+
+// A polygon that a map tears, and the faces that are written in its place: each a list of corners of the polygon mesh.
+struct TornPolygon {
+  std::int64_t polygon = 0;
+  std::vector<std::vector<std::int64_t>> faces;
+};
+
+// UV of polygons as they are written.
+struct PolygonUv {
+  // (u, v) per corner of the polygons, or of WithTornPolygons() if some are torn.
+  std::vector<double> corner_uv;
+  std::vector<TornPolygon> torn;  // by polygon, ascending
+};
+
+// From UV per corner of triangles, 6 numbers a face, the first at `uv`. A polygon is torn where two of its triangles
+// differ in the UV at an end of the diagonal between them. Triangles that name a vertex twice, or whose corners coincide,
+// have no say, as no chart holds them.
+PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangles, const double* uv);
+
+// The polygons with those faces in place of torn ones: they take over material, group, object and line.
+PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<TornPolygon>& torn);
 
 // Numbers triples of doubles in the order of their first appearance. Equal means to the bit, except that 0 and -0 are
 // the same; a NaN equals itself.

@@ -10,14 +10,23 @@
 
 namespace planish {
 
+// The polygons of a file as they are written, WithTornPolygons(file.mesh, torn), with (u, v) per corner.
+struct WrittenPolygons {
+  const PolygonMesh& mesh;
+  const std::vector<double>& corner_uv;
+  std::vector<TornPolygon> torn;
+};
+
 // Into the file's own bytes; file.format must be that of the writer.
-absl::StatusOr<std::string> WritePly(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
-absl::StatusOr<std::string> WriteOff(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
+std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
+absl::StatusOr<std::string> WriteOff(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
 absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<double>& corner_uv,
                                       const OutputOptions& options);
 absl::StatusOr<std::string> WriteDraco(const MeshFile& file, const std::vector<double>& corner_uv);
 
 // From polygons alone.
+std::string PlainObj(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 absl::StatusOr<WrittenMesh> PlainGltf(const PolygonMesh& mesh, const std::vector<double>& corner_uv,

@@ -36,10 +36,7 @@ template <typename Request>
 Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
   v1::JobSpec& spec = *request.mutable_spec();
-  spec.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
-  spec.mutable_uncut_corners()->Add(mesh.uncut_corners.begin(), mesh.uncut_corners.end());
-  spec.mutable_face_atlas()->Add(mesh.face_atlas.begin(), mesh.face_atlas.end());
-  spec.mutable_face_weights()->Add(mesh.face_weights.begin(), mesh.face_weights.end());
+  *spec.mutable_elements() = mesh.elements;
   *spec.mutable_options() = ToProto(options);
   *spec.mutable_scheduling() = ToProto(call.scheduling);
   spec.mutable_labels()->insert(call.labels.begin(), call.labels.end());

@@ -144,9 +144,7 @@ bool Follower::GoesInline() {
   if (bytes <= std::min(most.value_or(kAlwaysInlineBytes), kAlwaysInlineBytes)) return *(inline_ = true);
   const auto server =
       rpc_.Call(&Stub::GetCapabilities, v1::GetCapabilitiesRequest(), DeadlineAfter(kUnaryLimit), call_.traceparent);
-  const std::size_t numbers =
-      mesh_->seam_corners.size() + mesh_->uncut_corners.size() + mesh_->face_atlas.size() + mesh_->face_weights.size();
-  const std::int64_t whole = bytes + 4 * static_cast<std::int64_t>(numbers);  // as the server counts
+  const std::int64_t whole = mesh_->bytes();
   const std::int64_t limit = server.max_mesh_bytes();
   if (limit > 0 && whole > limit) {
     throw Error(ErrorCode::kResourceExhausted, "MESH_TOO_LARGE",

@@ -1,6 +1,7 @@
 #include "client/src/mesh_packer.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <utility>
 
@@ -14,28 +15,40 @@ namespace {
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
 
-// A corner that faces each of the edges, which `triangles` (three ids each) must have.
+// A corner that faces each of the edges, which `triangles` (three ids each) must have. `polygon`: of each triangle, or
+// empty. An edge between two triangles of one polygon is a diagonal, which is no seam.
 std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pairs,
-                                        std::span<const std::uint32_t> triangles) {
-  std::vector<std::pair<Edge, std::int32_t>> seams;  // with the first corner that faces each; -1: none yet
+                                        std::span<const std::uint32_t> triangles,
+                                        std::span<const std::int32_t> polygon) {
+  std::vector<Edge> seams;
   for (std::size_t i = 0; i + 1 < vertex_pairs.size(); i += 2) {
-    seams.emplace_back(std::minmax({vertex_pairs[i], vertex_pairs[i + 1]}), -1);
+    seams.emplace_back(std::minmax({vertex_pairs[i], vertex_pairs[i + 1]}));
   }
   std::sort(seams.begin(), seams.end());
   seams.erase(std::unique(seams.begin(), seams.end()), seams.end());
-  for (std::size_t c = 0; c < triangles.size(); ++c) {
+  std::vector<std::vector<std::int32_t>> facing(seams.size());
+  for (std::size_t c = 0; c < triangles.size() && !seams.empty(); ++c) {
     const std::size_t first = c - c % 3;
     const Edge edge = std::minmax({triangles[first + (c + 1) % 3], triangles[first + (c + 2) % 3]});
-    const auto found = std::lower_bound(seams.begin(), seams.end(), std::pair(edge, -1));
-    if (found != seams.end() && *found == std::pair(edge, -1)) found->second = static_cast<std::int32_t>(c);
+    const auto found = std::lower_bound(seams.begin(), seams.end(), edge);
+    if (found != seams.end() && *found == edge) facing[found - seams.begin()].push_back(static_cast<std::int32_t>(c));
   }
   std::vector<std::int32_t> corners;
-  for (const auto& [edge, corner] : seams) {
-    if (corner < 0) {
-      throw Invalid("OPTIONS_INVALID", "an edge that is to be a seam is no edge of any triangle",
-                    {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
+  for (std::size_t i = 0; i < seams.size(); ++i) {
+    const auto is_own = [&](std::int32_t c) {  // of an edge of its polygon
+      return polygon.empty() || std::count_if(facing[i].begin(), facing[i].end(), [&](std::int32_t d) {
+                                  return polygon[static_cast<std::size_t>(d / 3)] ==
+                                         polygon[static_cast<std::size_t>(c / 3)];
+                                }) == 1;
+    };
+    const auto own = std::find_if(facing[i].begin(), facing[i].end(), is_own);
+    if (own == facing[i].end()) {
+      throw Invalid("OPTIONS_INVALID",
+                    facing[i].empty() ? "an edge that is to be a seam is no edge of any triangle"
+                                      : "an edge that is to be a seam is a diagonal of a polygon",
+                    {{"field", "seam_corners"}, {"edges", absl::StrCat(seams[i].first, "-", seams[i].second)}});
     }
-    corners.push_back(corner);
+    corners.push_back(*own);
   }
   return corners;
 }
@@ -50,14 +63,26 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
   }
 }
 
+// Numbers of 4 bytes as planish.v1.MeshElements has them.
 template <typename Number>
-std::vector<Number> OfEachTriangle(const std::string& field, std::span<const Number> numbers, std::int64_t triangles) {
+void Append(std::span<const Number> numbers, std::string* bytes) {
+  static_assert(sizeof(Number) == 4);
+  bytes->reserve(bytes->size() + 4 * numbers.size());
+  for (const Number number : numbers) {
+    const auto value = std::bit_cast<std::uint32_t>(number);
+    for (int shift = 0; shift < 32; shift += 8) bytes->push_back(static_cast<char>(value >> shift));
+  }
+}
+
+template <typename Number>
+void AppendOfTriangles(const std::string& field, std::span<const Number> numbers, std::int64_t triangles,
+                       std::string* bytes) {
   if (!numbers.empty() && static_cast<std::int64_t>(numbers.size()) != triangles) {
     throw Invalid("OPTIONS_INVALID",
                   absl::StrCat(field, ": ", numbers.size(), " numbers for a mesh of ", triangles, " triangles"),
                   {{"field", field}});
   }
-  return {numbers.begin(), numbers.end()};
+  Append(numbers, bytes);
 }
 
 }  // namespace
@@ -69,6 +94,13 @@ void CheckIndices(std::span<const std::uint32_t> triangles, std::size_t vertex_c
                   absl::StrCat("a face has the index ", triangles[i], ", but the mesh has ", vertex_count, " vertices"),
                   {{"faces", absl::StrCat(i / 3)}});
   }
+}
+
+std::int64_t PackedMesh::bytes() const {
+  const std::size_t of_elements = elements.seam_corners().size() + elements.uncut_corners().size() +
+                                  elements.face_polygon().size() + elements.face_atlas().size() +
+                                  elements.face_weights().size();
+  return static_cast<std::int64_t>(draco.size() + of_elements);
 }
 
 ids::Renumbering PackedMesh::ToCaller() const {
@@ -113,11 +145,17 @@ PackedMesh PackedMesh::Of(const MeshView& view) {
   }
   CheckCorners("seam_corners", view.seam_corners_, view.triangle_count());
   CheckCorners("uncut_corners", view.uncut_corners_, view.triangle_count());
-  packed.seam_corners = CornersFacing(view.seam_vertices_, view.indices_);
-  packed.seam_corners.insert(packed.seam_corners.end(), view.seam_corners_.begin(), view.seam_corners_.end());
-  packed.uncut_corners.assign(view.uncut_corners_.begin(), view.uncut_corners_.end());
-  packed.face_atlas = OfEachTriangle("face_atlas", view.face_atlas_, view.triangle_count());
-  packed.face_weights = OfEachTriangle("face_weights", view.face_weights_, view.triangle_count());
+  // Needed to find the corners below.
+  AppendOfTriangles("face_polygon", view.face_polygon_, view.triangle_count(),
+                    packed.elements.mutable_face_polygon());
+  v1::MeshElements& elements = packed.elements;
+  const std::vector<std::int32_t> facing = CornersFacing(view.seam_vertices_, view.indices_, view.face_polygon_);
+  Append(std::span<const std::int32_t>(facing), elements.mutable_seam_corners());
+  Append(view.seam_corners_, elements.mutable_seam_corners());
+  Append(view.uncut_corners_, elements.mutable_uncut_corners());
+  const std::int64_t triangles = view.triangle_count();
+  AppendOfTriangles("face_atlas", view.face_atlas_, triangles, elements.mutable_face_atlas());
+  AppendOfTriangles("face_weights", view.face_weights_, triangles, elements.mutable_face_weights());
 
   absl::StatusOr<std::string> draco = EncodeDraco(mesh);
   if (!draco.ok()) throw Renumbered(ErrorFrom(draco.status()), packed.ToCaller());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/src/errors.h"
+#include "planish/v1/planish.pb.h"
 #include "planish/types.h"
 
 namespace planish::inline abi0 {
@@ -14,19 +15,19 @@ namespace planish::inline abi0 {
 struct PackedMesh {
   // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
   // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges"),
-  // corners that do not exist ("corner"), or atlases or weights that are not as many as triangles.
+  // corners that do not exist ("corner"), or polygons, atlases or weights that are not as many as triangles.
   static PackedMesh Of(const MeshView& mesh);
 
   std::string draco;
   std::string sha256;  // of draco
-  // Given seams, as planish.v1.UnwrapRequest.seam_corners: triangles travel in the caller's order.
-  std::vector<std::int32_t> seam_corners;
-  std::vector<std::int32_t> uncut_corners;  // likewise
-  std::vector<std::int32_t> face_atlas;
-  std::vector<float> face_weights;
+  // Seams, polygons, atlases and weights: triangles travel in the caller's order.
+  v1::MeshElements elements;
   std::int64_t triangles = 0;
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;
+
+  // Of the mesh and its elements, as the server counts them.
+  std::int64_t bytes() const;
 
   // From ids as sent to the caller's.
   ids::Renumbering ToCaller() const;

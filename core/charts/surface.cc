@@ -4,6 +4,8 @@
 #include <numbers>
 
 #include "Eigen/Geometry"
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
 #include "core/base/portable_math.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/angles.h"
@@ -29,6 +31,23 @@ void MeasureFaces(const Mesh& mesh, const std::vector<FaceKind>& kind, const Exe
   });
 }
 
+// Whether half-edge c is joined to another triangle of its polygon.
+bool IsDiagonal(const GivenSeams& seams, const std::vector<std::int32_t>& opposite, std::int32_t c) {
+  return !seams.polygon.empty() && opposite[c] >= 0 && seams.polygon[c / 3] == seams.polygon[opposite[c] / 3];
+}
+
+// Polygons are never cut: OPTIONS_INVALID if a given seam is a diagonal.
+absl::Status CheckSeamsAgainstPolygons(const GivenSeams& seams, const std::vector<std::int32_t>& opposite) {
+  for (const std::int32_t c : seams.corners) {
+    if (!IsDiagonal(seams, opposite, c)) continue;
+    return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
+                     absl::StrCat("seam_corners: the edge that corner ", c,
+                                  " faces is a diagonal of a polygon, which no seam can follow; leave it out"),
+                     {{"field", "seam_corners"}, {"corner", absl::StrCat(c)}, {"face", absl::StrCat(c / 3)}});
+  }
+  return absl::OkStatus();
+}
+
 // Parts half-edges at given seams and where two faces may not be neighbours. Keeps edges of more than two faces for
 // Rejoin(), without the half-edges that a given seam has parted.
 void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
@@ -49,6 +68,7 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
   }
   if (surface.hard_cosine < -1 && seams.kind.empty() && seams.part.empty()) return;
   std::vector<char> is_uncut(opposite.size(), 0);
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) is_uncut[c] = IsDiagonal(seams, opposite, c);
   for (const std::int32_t c : seams.uncut_corners) {
     if (opposite[c] >= 0) is_uncut[c] = is_uncut[opposite[c]] = 1;
   }
@@ -71,7 +91,7 @@ bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
 }
 
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution) {
-  Pairing pairing = PairHalfEdges(mesh, JoinFor::kCharts, execution);
+  Pairing pairing = PairHalfEdges(mesh, JoinFor::kCharts, execution, seams.polygon);
   const absl::Status refusal = DescribeElements(mesh, pairing).Refusal();
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_RETURN_IF_ERROR(refusal);
@@ -84,12 +104,17 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
   }
   surface.kind = seams.kind;
   surface.part = seams.part;
+  PLANISH_RETURN_IF_ERROR(CheckSeamsAgainstPolygons(seams, pairing.opposite));
   Cut(surface, seams, &pairing, &surface.crowded_edges);
   const std::shared_ptr<TriMesh> imported(new TriMesh(ImportMesh(mesh, pairing.opposite)));
   surface.mesh = imported;
   for (const std::int32_t c : seams.uncut_corners) {
     const EdgeHandle edge = imported->edge_handle(HalfEdgeOf(*imported, c));
     if (!imported->is_boundary(edge)) imported->data(edge).is_uncut = true;
+  }
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(pairing.opposite.size()); ++c) {
+    if (!IsDiagonal(seams, pairing.opposite, c)) continue;
+    imported->data(imported->edge_handle(HalfEdgeOf(*imported, c))).is_uncut = true;
   }
   const Eigen::VectorXd angles = MeasuredAngles(mesh, execution);
   surface.angle.assign(surface.mesh->n_halfedges(), 0.0);

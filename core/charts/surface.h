@@ -15,11 +15,13 @@ namespace planish {
 // What must not lie inside a chart.
 struct GivenSeams {
   std::vector<std::int32_t> corners;  // edges by the corner that faces them, from either side
-  // Edges that no other rule may make seams: diagonals of polygons.
+  // Edges that no other rule may make seams.
   std::vector<std::int32_t> uncut_corners;
   double hard_edge_degrees = 0;         // edges whose faces' normals are further apart than this; 0: none
   std::vector<char> kind = {};          // per face: edges between faces of different kinds; empty: none
   std::vector<std::int32_t> part = {};  // per face: edges between different parts, uncut or not; empty: none
+  // Per face: its polygon. Diagonals are uncut (PairHalfEdges() in core/mesh/import.h); empty: every face is a polygon.
+  std::vector<std::int32_t> polygon = {};
 };
 
 // Constant after construction.
@@ -71,7 +73,7 @@ struct Surface {
 };
 
 // Copies of a face form layers of their own (Pairing::layer). INVALID_ARGUMENT: Diagnosis::Refusal()
-// (core/mesh/diagnosis.h). CANCELLED after a cancellation. O(F).
+// (core/mesh/diagnosis.h); OPTIONS_INVALID for a given seam that is a diagonal. CANCELLED after a cancellation. O(F).
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
 
 // The same faces with other neighbours: each of these pairs of half-edges, by corner, is joined, and what one of them

@@ -56,6 +56,11 @@ Vec3 UnitNormal(const Mesh& mesh, std::int32_t c) {
   return normal.allFinite() && normal.squaredNorm() > 0.5 ? normal : Vec3(Vec3::Zero());
 }
 
+void Join(std::int32_t c, std::int32_t d, Pairing* pairing) {
+  pairing->opposite[c] = d;
+  pairing->opposite[d] = c;
+}
+
 // Two half-edges of an edge of more than two faces that might be joined, one in either direction. Those that come
 // first are joined first.
 struct Pair {
@@ -95,9 +100,41 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std:
   std::sort(pairs.begin(), pairs.end());
   for (const Pair& pair : pairs) {
     if (pairing->opposite[pair.forth] >= 0 || pairing->opposite[pair.back] >= 0) continue;
-    pairing->opposite[pair.forth] = pair.back;
-    pairing->opposite[pair.back] = pair.forth;
+    Join(pair.forth, pair.back, pairing);
   }
+}
+
+// Joins the half-edges of `at`, all on one edge, that are the two sides of a polygon's diagonal, and removes them.
+void JoinDiagonals(const Mesh& mesh, std::span<const std::int32_t> polygon, std::vector<std::int32_t>* at,
+                   Pairing* pairing) {
+  if (at->size() == 2) {
+    const std::int32_t c = at->front(), d = at->back();
+    if (polygon[c / 3] != polygon[d / 3] || Origin(mesh.faces, c) == Origin(mesh.faces, d)) return;
+    Join(c, d, pairing);
+    at->clear();
+    return;
+  }
+  // By polygon: a sort, since thousands of faces may share an edge. Half-edges of one polygon stay ascending.
+  std::vector<std::int32_t> sorted = *at;
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](std::int32_t c, std::int32_t d) { return polygon[c / 3] < polygon[d / 3]; });
+  bool any = false;
+  for (std::size_t begin = 0, end; begin < sorted.size(); begin = end) {
+    end = begin + 1;
+    while (end < sorted.size() && polygon[sorted[end] / 3] == polygon[sorted[begin] / 3]) ++end;
+    std::vector<std::int32_t> waiting;  // all run along the edge the same way
+    for (std::size_t i = begin; i < end && end - begin > 1; ++i) {
+      const std::int32_t c = sorted[i];
+      if (waiting.empty() || Origin(mesh.faces, waiting.back()) == Origin(mesh.faces, c)) {
+        waiting.push_back(c);
+        continue;
+      }
+      Join(waiting.back(), c, pairing);
+      waiting.pop_back();
+      any = true;
+    }
+  }
+  if (any) std::erase_if(*at, [&](std::int32_t c) { return pairing->opposite[c] >= 0; });
 }
 
 // The policy: which of the half-edges at one edge, all of one layer, are joined. Only half-edges that run along the
@@ -110,14 +147,14 @@ void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pai
   } else if (Origin(mesh.faces, at[0]) != Target(mesh.faces, at[1])) {
     pairing->inconsistent.push_back({at[0], at[1]});
   } else {
-    pairing->opposite[at[0]] = at[1];
-    pairing->opposite[at[1]] = at[0];
+    Join(at[0], at[1], pairing);
   }
 }
 
 }  // namespace
 
-Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution) {
+Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution,
+                      std::span<const std::int32_t> polygon) {
   Pairing pairing;
   pairing.kind.resize(mesh.faces.size());
   std::vector<char> is_joined(mesh.faces.size());
@@ -136,6 +173,10 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
   std::vector<char> open_edges(mesh.faces.size(), 0);
   for (std::int32_t e = 0; e < edges.count() && !execution.IsCancelledAt(e); ++e) {
     at.assign(edges[e].begin(), edges[e].end());
+    if (!polygon.empty() && at.size() > 1) {
+      JoinDiagonals(mesh, polygon, &at, &pairing);
+      for (const std::int32_t c : edges[e]) pairing.edges += pairing.opposite[c] > c && layer(c) == 0;
+    }
     if (at.size() > 2) std::stable_sort(at.begin(), at.end(), [&](auto c, auto d) { return layer(c) < layer(d); });
     for (std::size_t begin = 0, end; begin < at.size(); begin = end) {
       end = begin + 1;

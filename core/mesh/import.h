@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -55,7 +56,12 @@ struct Pairing {
 
 // Takes any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a cancellation the result is incomplete and
 // must not be used.
-Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution = {});
+//
+// `polygon`: per face the number of the polygon that it is a triangle of; empty: every face is a polygon. At a diagonal,
+// an edge between two triangles of one polygon that run along it in opposite directions, these two are always joined,
+// whatever other faces have the edge. The other faces are then joined as if the diagonal were not there.
+Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution = {},
+                      std::span<const std::int32_t> polygon = {});
 
 // The mesh with these half-edges joined (Pairing::opposite). Face f is face f of `mesh`; vertices are in the order of
 // those they come from. Vertices without a face are left out. O(F).

@@ -30,7 +30,7 @@ struct TriMeshTraits : OpenMesh::DefaultTraits {
     std::int32_t source = -1;  // of the Mesh imported; several have the same one where import has duplicated it
   };
   EdgeTraits {
-    bool is_uncut = false;  // no chart may end here (GivenSeams::uncut_corners)
+    bool is_uncut = false;  // no chart may end here (GivenSeams::uncut_corners, polygon)
   };
 };
 

@@ -58,7 +58,7 @@ class MapJudge {
     MeasureAngleErrors();
     MeasureDensities();
     MeasureSeams();
-    MeasureSpacing();
+    if (options_.with_spacing) MeasureSpacing();
     return std::move(check_);
   }
 

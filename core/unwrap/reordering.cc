@@ -64,6 +64,7 @@ UnwrapOptions Reordering::Apply(const UnwrapOptions& options) const {
   UnwrapOptions ordered = options;
   MapCorners(new_face_, &ordered.seams.corners);
   MapCorners(new_face_, &ordered.seams.uncut_corners);
+  ordered.face_polygon = InOrder(options.face_polygon, face_);
   ordered.face_atlas = InOrder(options.face_atlas, face_);
   ordered.face_weights = InOrder(options.face_weights, face_);
   return ordered;

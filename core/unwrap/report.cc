@@ -170,6 +170,30 @@ absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Deliver
   return absl::OkStatus();
 }
 
+namespace {
+
+// The first face of each polygon that has different UV on the two sides of a diagonal, in the order of polygons.
+std::vector<std::int32_t> TornPolygons(const Charts& charts, const std::vector<std::int32_t>& polygon,
+                                       const CornerUv& uv) {
+  std::vector<std::int32_t> first_faces;
+  if (polygon.empty() || !charts.surface) return first_faces;
+  const TriMesh& mesh = *charts.surface->mesh;
+  std::vector<char> is_torn(polygon.size(), 0);
+  for (std::int32_t c = 0; c < std::ssize(polygon) * 3; ++c) {
+    if (is_torn[polygon[c / 3]]) continue;
+    const std::int32_t d = CornerAcross(mesh, c);
+    if (d < c || polygon[d / 3] != polygon[c / 3]) continue;
+    const bool is_whole = UvOf(uv, FlatLinks::Next(c)) == UvOf(uv, FlatLinks::Prev(d)) &&
+                          UvOf(uv, FlatLinks::Prev(c)) == UvOf(uv, FlatLinks::Next(d));
+    if (is_whole) continue;
+    is_torn[polygon[c / 3]] = 1;
+    first_faces.push_back(c / 3);
+  }
+  return first_faces;
+}
+
+}  // namespace
+
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery) {
   Timer timer;
   UnwrapResult result;
@@ -226,6 +250,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
                &result.warnings);
   WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);
+  WarnOfTornPolygons(TornPolygons(charts, job->options.face_polygon, result.uv), &result.warnings);
   result.seconds = job->seconds;
   result.seconds.verify += timer.Restart();
   return result;

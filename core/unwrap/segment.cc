@@ -196,7 +196,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->options.tuning);
   PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
                                                         {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
-                                                         needles, PartOfFaces(job->options)},
+                                                         needles, PartOfFaces(job->options),
+                                                         job->options.face_polygon},
                                                         job->execution));
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {

@@ -237,6 +237,9 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
 void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings);
 
 // FACES_WIDENED: `widened` are all such faces, ascending.
+// POLYGON_TORN, with the first face of each such polygon.
+void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
+
 void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision, std::vector<UnwrapWarning>* warnings);
 
 // SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others.

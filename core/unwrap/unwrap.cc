@@ -94,6 +94,36 @@ absl::Status CheckWeights(const UnwrapOptions& options, std::int64_t num_faces) 
                      {{"face", absl::StrCat(wrong - weights.begin())}});
 }
 
+absl::Status CheckPolygons(const UnwrapOptions& options, std::int64_t num_faces) {
+  const std::vector<std::int32_t>& polygon = options.face_polygon;
+  if (polygon.empty()) return absl::OkStatus();
+  if (std::ssize(polygon) != num_faces) {
+    return OptionError("face_polygon", absl::StrCat(polygon.size(), " numbers for a mesh of ", num_faces,
+                                                    " faces; one for each is needed"));
+  }
+  std::vector<std::int32_t> first_face(polygon.size(), -1);
+  for (std::int32_t f = 0; f < std::ssize(polygon); ++f) {
+    if (polygon[f] < 0 || polygon[f] >= num_faces) {
+      return OptionError("face_polygon",
+                         absl::StrCat("there is no polygon ", polygon[f], ": the mesh has ", num_faces,
+                                      " faces, so polygons 0 to ", num_faces - 1),
+                         {{"face", absl::StrCat(f)}});
+    }
+    std::int32_t& first = first_face[polygon[f]];
+    if (first < 0) first = f;
+    const auto differs = [&](const auto& values) { return !values.empty() && values[f] != values[first]; };
+    const char* const field = differs(options.face_atlas)     ? "face_atlas"
+                              : differs(options.face_weights) ? "face_weights"
+                                                              : nullptr;
+    if (field == nullptr) continue;
+    return OptionError(field,
+                       absl::StrCat("faces ", first, " and ", f, " are triangles of polygon ", polygon[f],
+                                    ", which cannot be parted, but their numbers differ"),
+                       {{"face", absl::StrCat(f)}});
+  }
+  return absl::OkStatus();
+}
+
 // Maps the charts in `todo`, and those that they are cut into until each map is sound. That ends: a cut makes more
 // charts, and a chart of one triangle, or polygon, is not cut.
 absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* charts) {
@@ -138,7 +168,8 @@ absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
   PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", seams.corners, num_faces));
   PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", seams.uncut_corners, num_faces));
   PLANISH_RETURN_IF_ERROR(CheckAtlases(*this, num_faces));
-  return CheckWeights(*this, num_faces);
+  PLANISH_RETURN_IF_ERROR(CheckWeights(*this, num_faces));
+  return CheckPolygons(*this, num_faces);
 }
 
 namespace {

@@ -44,8 +44,8 @@ struct SeamOptions {
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
   std::vector<std::int32_t> corners;
-  // Edges, in the same way, along which no seam is added, hard or not: diagonals of the polygons that the triangles
-  // come from, which a seam would break. Given seams, and edges that no chart can cross, part charts all the same.
+  // Edges, in the same way, along which no seam is added, hard or not. Given seams, and edges that no chart can cross,
+  // part charts all the same.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
   // below this, as far as cutting helps. In [1.001, 100].
@@ -63,6 +63,10 @@ struct UnwrapOptions {
   SeamOptions seams;
   bool pack = true;   // false: charts as they were solved, to the surface's scale, one over the other
   PackOptions atlas;  // of each atlas; `atlases` is not for callers
+  // Per face: the number of the polygon that it is a triangle of, in [0, faces); empty: every face is a polygon. Each
+  // polygon stays in one piece: no seam follows an edge between two of its triangles that run along it in opposite
+  // directions, whatever other faces have that edge (warning POLYGON_TORN where that was impossible).
+  std::vector<std::int32_t> face_polygon;
   // Per face: the number of the atlas that it goes into, from 0 on; empty: one for all. Charts end where it differs.
   std::vector<std::int32_t> face_atlas;
   AtlasLayout layout = AtlasLayout::kUdim;
@@ -77,8 +81,8 @@ struct UnwrapOptions {
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
-  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces, and face_atlas and
-  // face_weights its faces, and go with the other options; otherwise OPTIONS_INVALID with metadata "field"
+  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces, and face_polygon, face_atlas
+  // and face_weights its faces, and go with the other options; otherwise OPTIONS_INVALID with metadata "field"
   // ("seam_corners", "uncut_corners", ...) and "corner" or "face", the first that is wrong.
   absl::Status ValidateFor(std::int64_t num_faces) const;
 };

@@ -69,6 +69,15 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
          {}, warnings);
 }
 
+void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings) {
+  const std::int64_t count = std::ssize(first_faces);
+  WarnOf(count, "POLYGON_TORN",
+         absl::StrCat(Counted(count, "polygon", "polygons"),
+                      " could not stay in one piece: some corners have different UV in different triangles; "
+                      "send triangles that make a disc as one polygon"),
+         first_faces, warnings);
+}
+
 void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision,
                    std::vector<UnwrapWarning>* warnings) {
   WarnOf(std::ssize(widened), "FACES_WIDENED",

@@ -147,9 +147,9 @@ absl::StatusOr<AcceptedJob> JobAdmission::Accept(const Caller& caller, JobReques
   PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(request.Mesh(), request.array_vertices, request.MeshBytes(),
                                                          v1::MeshSize(), request.OptionsForNeeds()));
   if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
-  const std::string numbers = PackNumbers(request);
-  const std::string numbers_sha256 = numbers.empty() ? std::string() : Sha256(numbers);
-  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, numbers_sha256);
+  const std::string elements = PackElements(request);
+  const std::string elements_sha256 = elements.empty() ? std::string() : Sha256(elements);
+  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, elements_sha256);
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
   if (known.has_value()) return *std::move(known);
   PLANISH_RETURN_IF_ERROR(refusal);
@@ -162,25 +162,25 @@ absl::StatusOr<AcceptedJob> JobAdmission::Accept(const Caller& caller, JobReques
     if (!shares) return room;
   }
   // Held until the record refers to them.
-  BlobHold mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256}), numbers_hold;
+  BlobHold mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256}), elements_hold;
   absl::StatusOr<StoredBlobPtr> mesh = retention_.Put(caller.tenant, request.Mesh(), request.mesh_sha256);
-  absl::StatusOr<StoredBlobPtr> kept_numbers = StoredBlobPtr();
-  if (!numbers.empty()) {
-    numbers_hold = retention_.Hold({caller.tenant, numbers_sha256});
-    kept_numbers = retention_.Put(caller.tenant, numbers, numbers_sha256);
+  absl::StatusOr<StoredBlobPtr> kept_elements = StoredBlobPtr();
+  if (!elements.empty()) {
+    elements_hold = retention_.Hold({caller.tenant, elements_sha256});
+    kept_elements = retention_.Put(caller.tenant, elements, elements_sha256);
   }
-  for (const auto& blob : {mesh, kept_numbers}) {
+  for (const auto& blob : {mesh, kept_elements}) {
     if (!blob.ok()) return WithRetryDelay(blob.status(), options.retry_delay);
   }
 
   NewJob job;
   job.record = NewRecord(caller, request);
   job.record.set_work_key(work_key);
-  job.record.set_seams_sha256(numbers_sha256);
+  job.record.set_elements_sha256(elements_sha256);
   job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
   job.run_time = absl::Seconds(needs.run_seconds);
   job.limits = LimitsOf(caller.tenant);
-  job.blobs = retention_.Pending(caller.tenant, {request.mesh_sha256, numbers_sha256});
+  job.blobs = retention_.Pending(caller.tenant, {request.mesh_sha256, elements_sha256});
   if (result.has_value()) job.result_of = result->name;
   std::shared_ptr<JobEventLog> events = feed_.OpenNew(job.record.job().name());
   absl::StatusOr<AcceptedChange> accepted = context_.store.Accept(context_.Verb(), job);
@@ -281,10 +281,6 @@ JobRecord JobAdmission::NewRecord(const Caller& caller, const JobRequest& reques
   JobRecord record;
   record.set_request_id(request.request_id);
   record.set_mesh_sha256(request.mesh_sha256);
-  record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
-  record.set_uncut_corners(static_cast<std::int64_t>(request.uncut_corners.size()));
-  record.set_face_atlases(static_cast<std::int64_t>(request.face_atlas.size()));
-  record.set_face_weights(static_cast<std::int64_t>(request.face_weights.size()));
   if (request.array_vertices.has_value()) record.set_array_vertices(*request.array_vertices);
   record.set_attached(request.attached);
   if (request.attached) *record.mutable_callers_until() = ToTimestamp(callers_.Until());

@@ -1,8 +1,6 @@
 #include "server/jobs/job_request.h"
 
 #include <algorithm>
-#include <bit>
-#include <climits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
@@ -10,6 +8,7 @@
 #include "core/base/status_macros.h"
 #include "google/protobuf/io/coded_stream.h"
 #include "google/protobuf/io/zero_copy_stream_impl_lite.h"
+#include "server/link/mesh_elements.h"
 #include "server/link/rpc_status.h"
 #include "server/store/job_filter.h"
 
@@ -19,9 +18,9 @@ namespace {
 constexpr std::size_t kMaxRequestId = 128;
 constexpr std::size_t kMaxLabels = 32;
 constexpr std::size_t kMaxLabelValue = 256;
+constexpr int kMaxTiles = 100;
 constexpr std::size_t kVertexBytes = 3 * sizeof(float);
 constexpr std::size_t kTriangleBytes = 3 * sizeof(std::uint32_t);
-constexpr std::size_t kBytesPerNumber = sizeof(std::uint32_t);
 // A hundred years: time is counted in nanoseconds, of which 64 bits hold no more than three times as many.
 constexpr std::int64_t kMaxDurationSeconds = std::int64_t{100} * 365 * 86'400;
 constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
@@ -33,13 +32,6 @@ absl::Status TooLong(const std::string& field, std::size_t limit) {
 
 absl::Status BadArrays(const std::string& reason, const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInvalidArgument, reason, absl::StrCat(field, ": ", message), {{"field", field}});
-}
-
-template <typename Number>
-std::vector<Number> TakeNumbers(google::protobuf::RepeatedField<Number>* field) {
-  google::protobuf::RepeatedField<Number> taken;
-  taken.Swap(field);
-  return {taken.begin(), taken.end()};
 }
 
 absl::Status CheckLabels(const std::map<std::string, std::string>& labels) {
@@ -57,75 +49,6 @@ absl::Status CheckLabels(const std::map<std::string, std::string>& labels) {
     }
   }
   return absl::OkStatus();
-}
-
-// Corners beyond the mesh are found when it has been decoded.
-absl::Status CheckCorners(const std::string& field, const std::vector<std::int32_t>& corners) {
-  const auto negative = std::find_if(corners.begin(), corners.end(), [](std::int32_t c) { return c < 0; });
-  if (negative == corners.end()) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
-                   absl::StrCat(field, ": there is no corner ", *negative),
-                   {{"field", field}, {"corner", absl::StrCat(*negative)}});
-}
-
-// What is wrong with a list of numbers for the faces, as far as it is known before the mesh is decoded; `wrong` says
-// what is wrong with one of them, or nothing. With Draco data their count is compared later.
-template <typename Number>
-absl::Status CheckFaces(const std::string& field, const JobRequest& request, const std::vector<Number>& numbers,
-                        const std::function<std::string(Number)>& wrong) {
-  if (numbers.empty()) return absl::OkStatus();
-  const auto invalid = [&](const std::string& message, std::map<std::string, std::string> metadata) {
-    metadata["field"] = field;
-    return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", absl::StrCat(field, ": ", message),
-                     metadata);
-  };
-  if (request.options.pack() == v1::PACK_OFF) return invalid("charts that are not packed have no atlas", {});
-  if (request.options.seams() == v1::SEAMS_NONE) {
-    return invalid("with SEAMS_NONE the mesh is one chart, which fills its tile", {});
-  }
-  if (request.array_vertices.has_value()) {
-    const std::int64_t faces = SizeOfArrays(request.Mesh().size(), *request.array_vertices).triangles();
-    if (static_cast<std::int64_t>(numbers.size()) != faces) {
-      return invalid(absl::StrCat(numbers.size(), " numbers for a mesh of ", faces, " triangles"), {});
-    }
-  }
-  for (std::size_t f = 0; f < numbers.size(); ++f) {
-    if (const std::string message = wrong(numbers[f]); !message.empty()) {
-      return invalid(message, {{"face", absl::StrCat(f)}});
-    }
-  }
-  return absl::OkStatus();
-}
-
-constexpr int kMaxTiles = 100;
-constexpr float kLeastWeight = 0.01F, kMostWeight = 100;
-
-absl::Status CheckAtlases(const JobRequest& request) {
-  const v1::UnwrapOptions& options = request.options;
-  const bool stacked = options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED;
-  // Tiles out of range are found with the options.
-  const int most = stacked ? INT32_MAX : kMaxTiles / std::clamp(options.tiles(), 1, kMaxTiles);
-  return CheckFaces<std::int32_t>("face_atlas", request, request.face_atlas, [&](std::int32_t atlas) -> std::string {
-    if (atlas < 0) return absl::StrCat("there is no atlas ", atlas);
-    if (atlas < most) return "";
-    return absl::StrCat("there is no room for atlas ", atlas, ": UDIM has ", kMaxTiles, " tiles here, so atlases 0 to ",
-                        most - 1, "; use fewer, or ATLAS_LAYOUT_STACKED");
-  });
-}
-
-absl::Status CheckWeights(const JobRequest& request) {
-  return CheckFaces<float>("face_weights", request, request.face_weights, [](float weight) -> std::string {
-    if (weight >= kLeastWeight && weight <= kMostWeight) return "";
-    return absl::StrCat(weight, " is not in [0.01, 100]");
-  });
-}
-
-template <typename Number>
-void AppendNumbers(const std::vector<Number>& numbers, std::string* bytes) {
-  for (const Number number : numbers) {
-    const auto value = std::bit_cast<std::uint32_t>(number);
-    for (int shift = 0; shift < 32; shift += 8) bytes->push_back(static_cast<char>(value >> shift));
-  }
 }
 
 absl::Status CheckDuration(const std::string& field, bool is_set, const google::protobuf::Duration& duration) {
@@ -149,12 +72,12 @@ absl::Status CheckScheduling(const v1::Scheduling& scheduling) {
 
 // The same bytes for equal messages; protobuf promises that within one version of a program only, which is all that
 // a cache needs: another version computes anew.
-std::string Deterministic(const v1::UnwrapOptions& options) {
+std::string Deterministic(const google::protobuf::Message& message) {
   std::string bytes;
   google::protobuf::io::StringOutputStream stream(&bytes);
   google::protobuf::io::CodedOutputStream coded(&stream);
   coded.SetSerializationDeterministic(true);
-  options.SerializeToCodedStream(&coded);
+  message.SerializeToCodedStream(&coded);
   coded.Trim();
   return bytes;
 }
@@ -181,10 +104,8 @@ absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec) {
     job.bytes.append(triangles);
     spec->clear_arrays();
   }
-  job.seam_corners = TakeNumbers(spec->mutable_seam_corners());
-  job.uncut_corners = TakeNumbers(spec->mutable_uncut_corners());
-  job.face_atlas = TakeNumbers(spec->mutable_face_atlas());
-  job.face_weights = TakeNumbers(spec->mutable_face_weights());
+  job.elements.Swap(spec->mutable_elements());
+  job.elements.DiscardUnknownFields();
   job.options = spec->options();
   job.scheduling = spec->scheduling();
   job.labels = {spec->labels().begin(), spec->labels().end()};
@@ -199,17 +120,24 @@ v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices) {
   return size;
 }
 
-std::size_t JobRequest::NumberCount() const {
-  return seam_corners.size() + uncut_corners.size() + face_atlas.size() + face_weights.size();
+std::int64_t JobRequest::MeshBytes() const {
+  const std::size_t of_elements = elements.seam_corners().size() + elements.uncut_corners().size() +
+                                  elements.face_polygon().size() + elements.face_atlas().size() +
+                                  elements.face_weights().size();
+  return static_cast<std::int64_t>(Mesh().size() + of_elements);
 }
 
-std::int64_t JobRequest::MeshBytes() const {
-  return static_cast<std::int64_t>(Mesh().size() + kBytesPerNumber * NumberCount());
+std::optional<std::int64_t> JobRequest::FaceCount() const {
+  if (!array_vertices.has_value()) return std::nullopt;
+  return SizeOfArrays(Mesh().size(), *array_vertices).triangles();
 }
 
 v1::UnwrapOptions JobRequest::OptionsForNeeds() const {
   v1::UnwrapOptions with_tiles = options;
-  if (face_atlas.empty() || options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED) return with_tiles;
+  if (elements.face_atlas().empty() || options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED) return with_tiles;
+  const absl::StatusOr<MeshElements> decoded = DecodeMeshElements(elements, options, FaceCount());
+  if (!decoded.ok()) return with_tiles;  // ValidateJobRequest() tells
+  const std::vector<std::int32_t>& face_atlas = decoded->face_atlas;
   const std::int64_t atlases = std::int64_t{1} + *std::max_element(face_atlas.begin(), face_atlas.end());
   const std::int64_t tiles = std::clamp<std::int64_t>(atlases * std::max(1, options.tiles()), 1, kMaxTiles);
   with_tiles.set_tiles(static_cast<std::int32_t>(tiles));
@@ -219,7 +147,7 @@ v1::UnwrapOptions JobRequest::OptionsForNeeds() const {
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit) {
   return MakeError(
       absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
-      absl::StrCat("the mesh has ", bytes, " bytes with its seams and atlases; this server takes at most ", limit),
+      absl::StrCat("the mesh has ", bytes, " bytes with its seams, polygons and atlases; this server takes at most ", limit),
       {{"bytes", absl::StrCat(bytes)}, {"limit", absl::StrCat(limit)}});
 }
 
@@ -233,37 +161,27 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
     return MeshTooLarge(bytes, max_mesh_bytes);
   if (request.request_id.size() > kMaxRequestId) return TooLong("request_id", kMaxRequestId);
   PLANISH_RETURN_IF_ERROR(CheckLabels(request.labels));
-  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", request.seam_corners));
-  PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", request.uncut_corners));
   PLANISH_RETURN_IF_ERROR(CheckScheduling(request.scheduling));
   PLANISH_RETURN_IF_ERROR(CheckOptions(request.options, validate_options));
-  PLANISH_RETURN_IF_ERROR(CheckAtlases(request));
-  return CheckWeights(request);
+  return WithinField(DecodeMeshElements(request.elements, request.options, request.FaceCount()).status(), "elements.");
 }
 
 absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate) {
   return validate == nullptr ? absl::OkStatus() : WithinField(validate(options), "options.");
 }
 
-std::string PackNumbers(const JobRequest& request) {
-  std::string bytes;
-  bytes.reserve(kBytesPerNumber * request.NumberCount());
-  AppendNumbers(request.seam_corners, &bytes);
-  AppendNumbers(request.uncut_corners, &bytes);
-  AppendNumbers(request.face_atlas, &bytes);
-  AppendNumbers(request.face_weights, &bytes);
-  return bytes;
+std::string PackElements(const JobRequest& request) {
+  return Deterministic(request.elements);
 }
 
 std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
-                    std::string_view numbers_sha256) {
+                    std::string_view elements_sha256) {
   v1::UnwrapOptions options = request.options;
   options.clear_threads();
   // Lengths keep one field from running into the next.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
-      absl::string_view(numbers_sha256.data(), numbers_sha256.size()), "/", request.seam_corners.size(), "/",
-      request.uncut_corners.size(), "/", request.face_atlas.size(), "/",
+      absl::string_view(elements_sha256.data(), elements_sha256.size()), "/",
       request.array_vertices.has_value() ? absl::StrCat(*request.array_vertices) : "draco", "/",
       request.failpoint.size(), request.failpoint, Deterministic(options)));
 }

@@ -38,10 +38,7 @@ struct JobRequest {
   BlobPtr mesh;             // in place of `bytes`: what the server has already
   std::string mesh_sha256;  // of `mesh`; empty: not known
   std::optional<std::int64_t> array_vertices;  // if the mesh comes as arrays
-  std::vector<std::int32_t> seam_corners;
-  std::vector<std::int32_t> uncut_corners;
-  std::vector<std::int32_t> face_atlas;
-  std::vector<float> face_weights;
+  v1::MeshElements elements;
   v1::UnwrapOptions options;
   v1::Scheduling scheduling;
   std::string request_id;
@@ -53,10 +50,10 @@ struct JobRequest {
 
   // The bytes of the mesh, wherever they are.
   std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(bytes); }
-  // Of the mesh and the numbers of its corners and faces, as they count towards limits.
+  // Of the mesh and its elements, as they count towards limits.
   std::int64_t MeshBytes() const;
-  // How many numbers of corners and faces there are.
-  std::size_t NumberCount() const;
+  // Of the mesh, if it comes as arrays: Draco data tell once they are decoded.
+  std::optional<std::int64_t> FaceCount() const;
   // With as many tiles as the job's charts may be packed into at a time: for estimates.
   v1::UnwrapOptions OptionsForNeeds() const;
 };
@@ -73,8 +70,7 @@ absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec);
 
 // INVALID_ARGUMENT naming the field of planish.v1.JobSpec, or "request_id" (metadata "field"; reason MESH_MISSING,
-// REQUEST_INVALID, OPTIONS_INVALID for a negative corner, with its id as "corner", or a number of face_atlas or
-// face_weights out of range, with the id of the face as "face", or what `validate_options` says);
+// REQUEST_INVALID, OPTIONS_INVALID of DecodeMeshElements() (server/link/mesh_elements.h), or what `validate_options` says);
 // RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
@@ -82,12 +78,12 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
 // What `validate` (may be null) says, with the field's path in planish.v1.JobSpec.
 absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate);
 
-// The second blob of a WorkRequest; empty without any numbers.
-std::string PackNumbers(const JobRequest& request);
+// The second blob of a WorkRequest; empty where nothing is said of elements.
+std::string PackElements(const JobRequest& request);
 
 // SHA-256 of all that decides the result, options that do not (threads) left out, and of whose it is: tenants share
 // nothing.
 std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
-                    std::string_view numbers_sha256);
+                    std::string_view elements_sha256);
 
 }  // namespace planish

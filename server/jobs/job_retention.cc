@@ -132,7 +132,7 @@ void JobRetention::CollectBlobs() {
 
 void JobRetention::NoteUnused(const JobRecord& record) {
   const std::lock_guard lock(mutex_);
-  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256(), record.job().uv().uv_sha256()}) {
+  for (const std::string& sha256 : {record.mesh_sha256(), record.elements_sha256(), record.job().uv().uv_sha256()}) {
     if (!sha256.empty()) unused_.insert({record.job().tenant(), sha256});
   }
 }

@@ -215,10 +215,6 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   request.set_job(work.lease.work);
   *request.mutable_options() = job.options();
   request.set_max_threads(context_.options.threads);
-  request.set_seam_corners(record.seam_corners());
-  request.set_uncut_corners(record.uncut_corners());
-  request.set_face_atlases(record.face_atlases());
-  request.set_face_weights(record.face_weights());
   if (record.has_array_vertices()) request.set_array_vertices(record.array_vertices());
   // What was reserved is all there is: the jobs beside it have the rest.
   request.set_expected_bytes(work.memory_bytes);
@@ -231,7 +227,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
 
 absl::StatusOr<std::vector<BlobPtr>> JobRunner::LoadBlobs(const JobRecord& record) {
   std::vector<BlobPtr> blobs;
-  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256()}) {
+  for (const std::string& sha256 : {record.mesh_sha256(), record.elements_sha256()}) {
     if (sha256.empty()) continue;
     PLANISH_ASSIGN_OR_RETURN(BlobPtr blob, context_.blobs.Load({record.job().tenant(), sha256}));
     blobs.push_back(std::move(blob));

@@ -390,7 +390,7 @@ void JobTransaction::Insert(JobRow* row) {
   const std::string report = job.report().SerializeAsString();
   inserts_.Add({record.number(), std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record),
                 job.state(), IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
-                SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()},
+                SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.elements_sha256()},
                 SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
                 TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
                 DueColumn(record)});

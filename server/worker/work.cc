@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <exception>
 #include <new>
 #include <string>
@@ -16,7 +15,9 @@
 #include "core/base/timer.h"
 #include "core/draco/codec.h"
 #include "core/unwrap/unwrap.h"
+#include "planish/v1/planish.pb.h"
 #include "server/link/duration.h"
+#include "server/link/mesh_elements.h"
 #include "server/link/rpc_status.h"
 #include "server/worker/mesh_arrays.h"
 #include "server/worker/options.h"
@@ -28,41 +29,6 @@ namespace {
 
 using worker::v1::WorkRequest;
 
-// The numbers of the second blob, one kind after the other.
-class Numbers {
- public:
-  static absl::StatusOr<Numbers> Find(const WorkRequest& request, const std::vector<BlobPtr>& blobs) {
-    const std::string_view bytes = blobs.size() > 1 ? blobs[1]->bytes() : std::string_view();
-    auto left = static_cast<std::int64_t>(bytes.size() / sizeof(std::int32_t));
-    bool sound = !blobs.empty() && bytes.size() % sizeof(std::int32_t) == 0;
-    for (const std::int64_t count :
-         {request.seam_corners(), request.uncut_corners(), request.face_atlases(), request.face_weights()}) {
-      sound = sound && count >= 0 && count <= left;
-      if (sound) left -= count;
-    }
-    if (!sound || left != 0) {
-      return InternalError("the server sent a job whose bytes are not those it announced");
-    }
-    return Numbers(bytes);
-  }
-
-  // The next so many.
-  template <typename Number>
-  std::vector<Number> Take(std::int64_t count) {
-    static_assert(sizeof(Number) == sizeof(std::int32_t));
-    std::vector<Number> numbers(static_cast<std::size_t>(count));
-    const std::string_view own = bytes_.substr(0, numbers.size() * sizeof(Number));
-    if (!own.empty()) std::memcpy(numbers.data(), own.data(), own.size());
-    bytes_.remove_prefix(own.size());
-    return numbers;
-  }
-
- private:
-  explicit Numbers(std::string_view bytes) : bytes_(bytes) {}
-
-  std::string_view bytes_;
-};
-
 class Work {
  public:
   Work(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control)
@@ -72,11 +38,7 @@ class Work {
     PLANISH_ASSIGN_OR_RETURN(UnwrapOptions options, ToCore(request_.options()));
     const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
     options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
-    PLANISH_ASSIGN_OR_RETURN(Numbers numbers, Numbers::Find(request_, blobs_));
-    options.seams.corners = numbers.Take<std::int32_t>(request_.seam_corners());
-    options.seams.uncut_corners = numbers.Take<std::int32_t>(request_.uncut_corners());
-    options.face_atlas = numbers.Take<std::int32_t>(request_.face_atlases());
-    options.face_weights = numbers.Take<float>(request_.face_weights());
+    if (blobs_.empty() || blobs_.size() > 2) return InternalError("the server sent a job without its mesh");
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);
@@ -87,6 +49,7 @@ class Work {
     blobs_[0]->DropPages();  // not read any more
     const double decode_seconds = timer.Seconds();
     PLANISH_RETURN_IF_ERROR(CheckSize(mesh));
+    PLANISH_RETURN_IF_ERROR(TakeElements(mesh, &options));
     PLANISH_RETURN_IF_ERROR(CheckCancel());
 
     PLANISH_ASSIGN_OR_RETURN(const UnwrapResult unwrapped, Solve(mesh, options));
@@ -121,6 +84,24 @@ class Work {
     absl::StatusOr<UnwrapResult> unwrapped = Unwrap(mesh, options, control);
     if (!failed.ok()) return failed;
     return unwrapped;
+  }
+
+  // The second blob.
+  absl::Status TakeElements(const Mesh& mesh, UnwrapOptions* options) const {
+    if (blobs_.size() < 2) return absl::OkStatus();
+    v1::MeshElements elements;
+    const std::string_view bytes = blobs_[1]->bytes();
+    if (!elements.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+      return InternalError("the server sent elements of a mesh that cannot be read");
+    }
+    absl::StatusOr<MeshElements> decoded = DecodeMeshElements(elements, request_.options(), mesh.num_faces());
+    if (!decoded.ok()) return WithinField(decoded.status(), "elements.");
+    options->seams.corners = std::move(decoded->seam_corners);
+    options->seams.uncut_corners = std::move(decoded->uncut_corners);
+    options->face_polygon = std::move(decoded->face_polygon);
+    options->face_atlas = std::move(decoded->face_atlas);
+    options->face_weights = std::move(decoded->face_weights);
+    return WithinField(options->ValidateFor(mesh.num_faces()), "elements.");
   }
 
   absl::StatusOr<Mesh> ReadMesh() const {

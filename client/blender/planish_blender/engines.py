@@ -186,7 +186,7 @@ class _PackageCall:
                 sheet.positions,
                 sheet.triangles,
                 seam_corners=sheet.seam_corners,
-                uncut_corners=sheet.uncut_corners,
+                face_polygon=sheet.polygon,
                 seams=options.seams,
                 max_stretch=options.max_stretch if options.seams == "auto" else None,
                 texture_size=options.texture_size,
@@ -270,17 +270,20 @@ class _CommandCall:
         faces = sheet.triangles
         with open(self._path("mesh.obj"), "w", encoding="ascii") as file:
             file.write("v %.9g %.9g %.9g\n" * len(sheet.positions) % tuple(sheet.positions.reshape(-1).tolist()))
-            file.write("f %d %d %d\n" * len(faces) % tuple((faces.reshape(-1) + 1).tolist()))
+            # The number of each loop travels as that of its normal, which the command writes out again.
+            loop = 0
+            for total in sheet.loop_total.tolist():
+                corners = range(loop, loop + total)
+                file.write("f " + " ".join(f"{sheet.loop_vertex[c] + 1}//{c + 1}" for c in corners) + "\n")
+                loop += total
         seams = [options.seams]
-        for source, corners in (("edges", sheet.seam_corners), ("uncut", sheet.uncut_corners)):
-            if len(corners) == 0:
-                continue
-            f, k = np.divmod(corners, 3)
+        if len(sheet.seam_corners) > 0:
+            f, k = np.divmod(sheet.seam_corners, 3)
             ends = np.stack([faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]], axis=1) + 1
             ends = np.unique(np.sort(ends, axis=1), axis=0)
-            with open(self._path(source), "w", encoding="ascii") as file:
+            with open(self._path("edges"), "w", encoding="ascii") as file:
                 file.write("%d %d\n" * len(ends) % tuple(ends.reshape(-1).tolist()))
-            seams.append(f"{source}:{self._path(source)}")
+            seams.append(f"edges:{self._path('edges')}")
         arguments = [command, "unwrap", self._path("mesh.obj"), "-o", self._path("uv.obj"), "--json", "--progress=json"]
         arguments += ["--precision=float", f"--seams={','.join(seams)}"]
         if options.seams == "auto":
@@ -359,9 +362,11 @@ class _CommandCall:
             error = report.get("error") or {}
             metadata = error.get("metadata") or {}
             message = error.get("message") or self._last_line or f"planish ended with {self._process.returncode} and said nothing"
-            raise Failed(message, error.get("reason", ""), *_elements(metadata))
+            polygons, edges, vertices = _elements(metadata)
+            faces = np.searchsorted(self.sheet.polygon, polygons).tolist()  # the first triangle of each
+            raise Failed(message, error.get("reason", ""), faces, edges, vertices)
         return Outcome(
-            uv=_read_uv(self._path("uv.obj")),
+            uv=_read_loop_uv(self._path("uv.obj"), len(self.sheet.loop_vertex))[self.sheet.loops],
             charts=report["chart_totals"]["charts"],
             stretch=report["quality"]["stretch_l2"],
             efficiency=report["quality"]["packing_efficiency"],
@@ -379,8 +384,8 @@ def _elements(metadata):
     return faces, edges, vertices
 
 
-def _read_uv(path):
-    """UV of the corners of the triangles of an OBJ, (F, 3, 2)."""
+def _read_loop_uv(path, count):
+    """UV of the loops of polygons, (L, 2), from an OBJ whose normals have the numbers of loops."""
     uv, corners = [], []
     with open(path, encoding="ascii") as file:
         for line in file:
@@ -389,7 +394,10 @@ def _read_uv(path):
             elif line.startswith("f "):
                 corners.append(line[2:].replace("/", " "))
     values = np.array(" ".join(uv).split(), np.float64).astype(np.float32).reshape(-1, 2)
-    return values[np.array(" ".join(corners).split(), np.int64).reshape(-1, 3, 2)[..., 1] - 1]
+    _, texture, loop = np.array(" ".join(corners).split(), np.int64).reshape(-1, 3).T
+    of_loop = np.zeros((count, 2), np.float32)
+    of_loop[loop - 1] = values[texture - 1]
+    return of_loop
 
 
 # Several at a time ------------------------------------------------------------------------------------------------------

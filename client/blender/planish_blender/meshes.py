@@ -25,9 +25,10 @@ class Part:
     positions: Any  # (V, 3) float32, in the size that the object has in the scene
     triangles: Any  # (F, 3) vertices
     loops: Any  # (F, 3) loops of the mesh
-    polygon: Any  # (F,) polygons of the mesh
+    polygon: Any  # (F,) polygons of the mesh, ascending
+    loop_vertex: Any  # (L,) vertex of each loop
+    loop_total: Any  # (P,) loops of each polygon, which follow each other
     seam_corners: Any  # that face an edge which the user wants cut
-    uncut_corners: Any  # that face a diagonal of a polygon
     loop_count: int
 
 
@@ -69,8 +70,9 @@ def _read(object, mesh, sources):
         triangles=loop_vertex[loops],
         loops=loops,
         polygon=_get(mesh.loop_triangles, "polygon_index", 1, np.int32),
+        loop_vertex=loop_vertex,
+        loop_total=_get(mesh.polygons, "loop_total", 1, np.int32),
         seam_corners=np.flatnonzero((edge >= 0) & is_seam[edge]).astype(np.int32),
-        uncut_corners=np.flatnonzero(edge < 0).astype(np.int32),
         loop_count=len(mesh.loops),
     )
 
@@ -140,7 +142,12 @@ class Sheet:
         self.positions = np.concatenate([part.positions for part in parts])
         self.triangles = np.concatenate([part.triangles + first for part, first in zip(parts, self._first_vertex)])
         self.seam_corners = self._corners([part.seam_corners for part in parts])
-        self.uncut_corners = self._corners([part.uncut_corners for part in parts])
+        first_polygon = np.cumsum([0] + [len(part.loop_total) for part in parts])
+        self.polygon = np.concatenate([part.polygon + first for part, first in zip(parts, first_polygon)])
+        first_loop = np.cumsum([0] + [part.loop_count for part in parts])
+        self.loops = np.concatenate([part.loops + first for part, first in zip(parts, first_loop)])
+        self.loop_vertex = np.concatenate([part.loop_vertex + first for part, first in zip(parts, self._first_vertex)])
+        self.loop_total = np.concatenate([part.loop_total for part in parts])
 
     def _corners(self, lists):
         return np.concatenate([3 * first + corners for corners, first in zip(lists, self._first_face)])

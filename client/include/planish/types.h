@@ -43,10 +43,13 @@ class MeshView {
   // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
   // May be used beside WithSeams.
   MeshView WithSeamCorners(std::span<const std::int32_t> c) const { return With(&MeshView::seam_corners_, c); }
-  // Edges, by corners in the same way, along which no seam is added: diagonals of the polygons that the triangles come
-  // from. Given seams part charts all the same.
+  // Edges, by corners in the same way, along which no seam is added. Given seams part charts all the same.
   MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
+  // The polygon that each triangle comes from: a number for each, below triangle_count(). A polygon stays in one piece, so
+  // that each of its corners has one UV: no seam follows an edge between two of its triangles that run along it in
+  // opposite directions, whatever other triangles have that edge.
+  MeshView WithFacePolygons(std::span<const std::int32_t> p) const { return With(&MeshView::face_polygon_, p); }
   // The atlas that each triangle goes into: a number for each, from 0 on. Charts end where it differs;
   // UnwrapOptions::atlas_layout says where atlases go, and Atlas::atlases what became of each.
   MeshView WithFaceAtlas(std::span<const std::int32_t> atlas) const { return With(&MeshView::face_atlas_, atlas); }
@@ -77,6 +80,7 @@ class MeshView {
   std::span<const std::uint32_t> seam_vertices_;
   std::span<const std::int32_t> seam_corners_;
   std::span<const std::int32_t> uncut_corners_;
+  std::span<const std::int32_t> face_polygon_;
   std::span<const std::int32_t> face_atlas_;
   std::span<const float> face_weights_;
 };

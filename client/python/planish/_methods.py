@@ -86,7 +86,7 @@ class Methods:
         """Flattens a mesh and waits for the UV.
 
         `positions` (V, 3) and `triangles` (F, 3): whatever numpy takes for an array; see :class:`planish.NewJob`.
-        `more`: given seams (`seam_edges`, `seam_corners`, `parts`, `uncut_corners`), `face_atlas` and `face_weights`, see
+        `more`: given seams (`seam_edges`, `seam_corners`, `parts`, `uncut_corners`), `face_polygon`, `face_atlas` and `face_weights`, see
         :class:`planish.NewJob`, and fields of :class:`planish.UnwrapOptions`, which go before those of `options`:
         ``unwrap(v, f, seams="needed", parts=labels)``, ``unwrap(v, f, face_atlas=labels)``.
         `detached`: the job survives the loss of its caller. `timeout`: seconds for the whole call; the job is cancelled when

@@ -13,7 +13,7 @@ from .mesh import PackedMesh, pack_mesh
 from .v1 import job_pb2, planish_pb2
 
 #: What belongs to corners and faces of the mesh, beside the mesh itself.
-OF_MESH = ("seam_edges", "seam_corners", "parts", "uncut_corners", "face_atlas", "face_weights")
+OF_MESH = ("seam_edges", "seam_corners", "parts", "uncut_corners", "face_polygon", "face_atlas", "face_weights")
 _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions))
 
 
@@ -26,7 +26,10 @@ class NewJob:
     seam_edges: Any = None  #: (E, 2): pairs of vertices between which a given seam runs
     seam_corners: Any = None  #: corner 3 f + k faces the edge between the other two corners of triangle f: a given seam
     parts: Any = None  #: (F,), integers: a given seam runs wherever the labels of two triangles differ
-    uncut_corners: Any = None  #: corners that face edges at which no seam is added, as diagonals of polygons
+    uncut_corners: Any = None  #: corners that face edges at which no seam is added
+    #: (F,), integers below F: the polygon that each triangle comes from. A polygon stays in one piece, so that each of its corners
+    #: has one UV: no seam follows its diagonals.
+    face_polygon: Any = None
     face_atlas: Any = None  #: (F,), integers from 0 on: the atlas that each triangle goes into; charts end where it differs
     #: (F,), numbers in [0.01, 100]: so many times the texels per length. Charts end where it differs; with seams="keep" they do
     #: not, and have the mean of their triangles by area.
@@ -47,6 +50,7 @@ class NewJob:
             seam_corners=self.seam_corners,
             parts=self.parts,
             uncut_corners=self.uncut_corners,
+            face_polygon=self.face_polygon,
             face_atlas=self.face_atlas,
             face_weights=self.face_weights,
         )
@@ -95,10 +99,8 @@ def spec_message(job: NewJob, mesh: Optional[PackedMesh], upload: str = "") -> A
             spec.upload = upload
         else:
             set_arrays(spec, mesh)
-        spec.seam_corners.extend(mesh.seam_corners.tolist())
-        spec.uncut_corners.extend(mesh.uncut_corners.tolist())
-        spec.face_atlas.extend(mesh.face_atlas.tolist())
-        spec.face_weights.extend(mesh.face_weights.tolist())
+        for name, values in mesh.elements.items():
+            setattr(spec.elements, name, values.tobytes())
     _fill_options(job.options, spec.options)
     _fill_scheduling(job.scheduling, spec.scheduling)
     try:

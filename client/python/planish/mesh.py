@@ -23,10 +23,7 @@ class PackedMesh:
 
     positions: bytes  # float32, little-endian, 12 bytes a vertex
     triangles: bytes  # uint32, little-endian, 12 bytes a triangle
-    seam_corners: Any  # int32 array: the edges that they face are given seams
-    uncut_corners: Any  # int32 array: no seam is added at the edges that they face
-    face_atlas: Any  # int32 array, empty or a number for each triangle
-    face_weights: Any  # float32 array, likewise
+    elements: Dict[str, Any]  # arrays of little-endian numbers, 4 bytes each, by the fields of planish.v1.MeshElements
     indices: Any  # the triangles as an array, (F, 3)
 
     @property
@@ -36,8 +33,7 @@ class PackedMesh:
     @property
     def byte_count(self) -> int:
         """As the server counts it against its limit."""
-        numbers = sum(len(each) for each in (self.seam_corners, self.uncut_corners, self.face_atlas, self.face_weights))
-        return len(self.positions) + len(self.triangles) + 4 * numbers
+        return len(self.positions) + len(self.triangles) + sum(values.nbytes for values in self.elements.values())
 
     def sha256(self) -> bytes:
         digest = hashlib.sha256(self.positions)
@@ -69,6 +65,7 @@ def pack_mesh(
     seam_corners: Any = None,
     parts: Any = None,
     uncut_corners: Any = None,
+    face_polygon: Any = None,
     face_atlas: Any = None,
     face_weights: Any = None,
 ) -> PackedMesh:
@@ -78,18 +75,22 @@ def pack_mesh(
     """
     xyz = _positions(positions)
     faces = _triangles(triangles, len(xyz))
+    polygon = _of_faces("face_polygon", face_polygon, len(faces), "iu", "integers", 0, len(faces) - 1)
     given = [_corners("seam_corners", seam_corners, len(faces))]
     if seam_edges is not None:
-        given.append(_corners_of_edges(seam_edges, faces))
+        given.append(_corners_of_edges(seam_edges, faces, polygon))
     if parts is not None:
         given.append(_corners_between_parts(parts, faces))
     return PackedMesh(
         positions=xyz.tobytes(),
         triangles=faces.tobytes(),
-        seam_corners=np.concatenate(given),
-        uncut_corners=_corners("uncut_corners", uncut_corners, len(faces)),
-        face_atlas=_of_faces("face_atlas", face_atlas, len(faces), "iu", "integers", 0, 2**31 - 1).astype(np.int32),
-        face_weights=_of_faces("face_weights", face_weights, len(faces), "fiu", "real numbers", 0.01, 100).astype(np.float32),
+        elements={
+            "seam_corners": np.concatenate(given).astype("<u4"),
+            "uncut_corners": _corners("uncut_corners", uncut_corners, len(faces)).astype("<u4"),
+            "face_polygon": polygon.astype("<u4"),
+            "face_atlas": _of_faces("face_atlas", face_atlas, len(faces), "iu", "integers", 0, 2**31 - 1).astype("<u4"),
+            "face_weights": _of_faces("face_weights", face_weights, len(faces), "fiu", "real numbers", 0.01, 100).astype("<f4"),
+        },
         indices=faces,
     )
 
@@ -218,7 +219,9 @@ def _edge_keys(faces: Any) -> Any:
     return (np.minimum(a, b) << np.uint64(32)) | np.maximum(a, b)
 
 
-def _corners_of_edges(seam_edges: Any, faces: Any) -> Any:
+def _corners_of_edges(seam_edges: Any, faces: Any, polygon: Any) -> Any:
+    """A corner that faces each of the edges. Those of a polygon's diagonal are left out; `polygon` is empty, or says whose triangle
+    each face is."""
     array = _as_array("seam_edges", seam_edges, "iu", "integers", "OPTIONS_INVALID")
     if array.size == 0:
         return np.zeros(0, np.int32)
@@ -226,18 +229,34 @@ def _corners_of_edges(seam_edges: Any, faces: Any) -> Any:
     negative = np.flatnonzero((array < 0).any(axis=1) | (array >= 2**32).any(axis=1))
     pairs = np.sort(np.where(array < 0, 0, array).astype(np.uint64), axis=1)
     wanted = (pairs[:, 0] << np.uint64(32)) | (pairs[:, 1] & np.uint64(0xFFFFFFFF))
-    keys, corner = np.unique(_edge_keys(faces), return_index=True)
+    edge_of_corner = _edge_keys(faces)
+    is_edge = ~_is_diagonal(edge_of_corner, polygon)
+    keys, corner = np.unique(edge_of_corner[is_edge], return_index=True)
+    corner = np.flatnonzero(is_edge)[corner]
     at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
     missing = np.union1d(np.flatnonzero(keys[at] != wanted), negative)
     if len(missing) > 0:
         a, b = (int(v) for v in array[missing[0]])
         raise _refused(
             "seam_edges",
-            f"[{missing[0]}]: no triangle has the edge from vertex {a} to vertex {b}",
+            f"[{missing[0]}]: no {'triangle' if len(polygon) == 0 else 'polygon'} has the edge from vertex {a} to vertex {b}",
             "OPTIONS_INVALID",
             {"field": "seam_edges", "edges": f"{a}-{b}"},
         )
     return corner[np.unique(at)].astype(np.int32)
+
+
+def _is_diagonal(edge_of_corner: Any, polygon: Any) -> Any:
+    """Whether the edge that each corner faces has another triangle of the same polygon."""
+    result = np.zeros(len(edge_of_corner), bool)
+    if len(polygon) == 0:
+        return result
+    of_corner = np.repeat(polygon.astype(np.int64), 3)
+    order = np.lexsort((of_corner, edge_of_corner))
+    same = (np.diff(edge_of_corner[order]) == 0) & (np.diff(of_corner[order]) == 0)
+    result[order[1:][same]] = True
+    result[order[:-1][same]] = True
+    return result
 
 
 def _corners_between_parts(parts: Any, faces: Any) -> Any:

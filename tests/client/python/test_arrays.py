@@ -84,8 +84,8 @@ class Arrays(unittest.TestCase):
         job = new_job(positions, triangles, None, None, None, "", {"face_atlas": labels, "face_weights": 1 + labels})
         packed = job.pack()
         spec = spec_message(job, packed)
-        self.assertEqual(list(spec.face_atlas), labels.tolist())
-        self.assertEqual(list(spec.face_weights), (1.0 + labels).tolist())
+        self.assertEqual(np.frombuffer(spec.elements.face_atlas, "<u4").tolist(), labels.tolist())
+        self.assertEqual(np.frombuffer(spec.elements.face_weights, "<f4").tolist(), (1.0 + labels).tolist())
         self.assertEqual(packed.byte_count, pack_mesh(positions, triangles).byte_count + 2 * 4 * 12)
 
     def test_what_numpy_takes_is_taken(self):
@@ -128,9 +128,23 @@ class Seams(unittest.TestCase):
         positions, triangles = support.ball(3)
         wanted = {tuple(sorted(triangles[i, :2].tolist())) for i in range(0, len(triangles), 7)}
         packed = pack_mesh(positions, triangles, seam_edges=[(b, a) for a, b in sorted(wanted)] * 2)
-        self.assertEqual(self.edges_of(packed.seam_corners, triangles), wanted)
-        self.assertEqual(len(packed.seam_corners), len(wanted))
-        self.assertEqual(len(pack_mesh(positions, triangles, seam_edges=np.zeros((0, 2))).seam_corners), 0)
+        corners = packed.elements["seam_corners"]
+        self.assertEqual(self.edges_of(corners, triangles), wanted)
+        self.assertEqual(len(corners), len(wanted))
+        self.assertEqual(len(pack_mesh(positions, triangles, seam_edges=np.zeros((0, 2))).elements["seam_corners"]), 0)
+
+    def test_diagonals_are_no_edges(self):
+        # A quad of two triangles, and a triangle on their common edge.
+        positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], np.float32)
+        triangles = np.array([[0, 1, 2], [0, 2, 3], [0, 2, 4]])
+        polygon = [0, 0, 1]
+        packed = pack_mesh(positions, triangles, seam_edges=[[2, 0]], face_polygon=polygon)
+        self.assertEqual(packed.elements["seam_corners"].tolist(), [8])
+        with self.assertRaisesRegex(planish.ArrayError, "no polygon has the edge from vertex 2 to vertex 0"):
+            pack_mesh(positions, triangles[:2], seam_edges=[[2, 0]], face_polygon=polygon[:2])
+        for bad in ([0, 0], [0, 0, 3], [0, 0, -1]):
+            with self.assertRaises(planish.ArrayError):
+                pack_mesh(positions, triangles, face_polygon=bad)
 
     def test_parts(self):
         positions, triangles = support.ball(3)
@@ -142,8 +156,9 @@ class Seams(unittest.TestCase):
                 faces_of.setdefault(tuple(sorted((face[k], face[k - 1]))), []).append(f)
         wanted = {edge for edge, faces in faces_of.items() if len({parts[f] for f in faces}) > 1}
         packed = pack_mesh(positions, triangles, parts=parts, seam_corners=[0])
-        self.assertEqual(packed.seam_corners[0], 0)
-        self.assertEqual(self.edges_of(packed.seam_corners[1:], triangles), wanted)
+        corners = packed.elements["seam_corners"]
+        self.assertEqual(corners[0], 0)
+        self.assertEqual(self.edges_of(corners[1:], triangles), wanted)
 
 
 class Splitting(unittest.TestCase):

@@ -159,7 +159,7 @@ class Unwrap(WithServer):
         self.assertLess(stacked.uv.max(), 1)
         with self.assertRaises(planish.InvalidArgument) as raised:
             self.client.unwrap(positions, triangles, face_atlas=100 * labels)
-        self.assertEqual(raised.exception.metadata["field"], "spec.face_atlas")
+        self.assertEqual(raised.exception.metadata["field"], "spec.elements.face_atlas")
 
     def test_seam_edges(self):
         positions, triangles = support.bump(4)

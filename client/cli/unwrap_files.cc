@@ -1,0 +1,171 @@
+#include "client/cli/unwrap_files.h"
+
+#include <algorithm>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "client/cli/check.h"
+#include "client/cli/results.h"
+#include "client/cli/text.h"
+#include "client/files/mesh_file.h"
+#include "client/src/errors.h"
+#include "core/base/thread_team.h"
+
+namespace planish::cli {
+
+namespace {
+
+// What the value of a label may have.
+constexpr std::size_t kMaxLabelBytes = 256;
+
+// The end of a text that is too long, from the beginning of a character on.
+std::string LastBytes(const std::string& text, std::size_t most) {
+  if (text.size() <= most) return text;
+  std::size_t begin = text.size() - most;
+  while (begin < text.size() && (static_cast<unsigned char>(text[begin]) & 0xC0) == 0x80) ++begin;
+  return text.substr(begin);
+}
+
+}  // namespace
+
+std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file) {
+  std::map<std::string, std::string> labels = {{"file", LastBytes(ValidUtf8(file), kMaxLabelBytes)}};
+  for (const auto& [key, value] : arguments.labels) labels[ValidUtf8(key)] = ValidUtf8(value);
+  return labels;
+}
+
+UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
+                         int texcoord, int output_texcoord)
+    : input_(inputs, texcoord),
+      seam_corners_(input_.SeamCorners(arguments.seams)),
+      uncut_corners_(input_.UncutCorners(arguments.seams)),
+      polygons_(input_.FacePolygons()) {
+  if (arguments.atlas_per) {
+    constexpr std::size_t kMaxTiles = 100;
+    atlases_ = input_.AtlasesPer(*arguments.atlas_per);
+    const std::size_t tiles = atlases_.names.size() * static_cast<std::size_t>(std::max(1, arguments.options.tiles));
+    if (arguments.options.atlas_layout == AtlasLayout::kUdim && tiles > kMaxTiles) {
+      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                  std::string("--atlas-per=") + ToString(*arguments.atlas_per) + ": " + input_.path() + " makes " +
+                      Counted(static_cast<std::int64_t>(atlases_.names.size()), "atlas", "atlases") + ", which take " +
+                      std::to_string(tiles) + " tiles; UDIM has " + std::to_string(kMaxTiles) +
+                      " here. --atlas-layout=stacked has no such limit",
+                  {{"field", "face_atlas"}});
+    }
+  }
+  for (const double weight : input_.FaceWeights(arguments.material_weights)) {
+    weights_.push_back(static_cast<float>(weight));
+  }
+  if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
+}
+
+MeshView UnwrapFiles::view() const {
+  return input_.view()
+      .WithSeamCorners(seam_corners_)
+      .WithUncutCorners(uncut_corners_)
+      .WithFacePolygons(polygons_)
+      .WithFaceAtlas(atlases_.of_face)
+      .WithFaceWeights(weights_);
+}
+
+UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
+  for (const OutputOptions& output : outputs_) {
+    if (!IsFloatByNature(output.format)) continue;
+    if (options.precision == Precision::kDouble) {
+      throw Error(ErrorCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
+                  output.path +
+                      ": this format holds UV as float only; leave --precision=double out, or write .obj, "
+                      ".ply or .off");
+    }
+    options.precision = Precision::kFloat;
+  }
+  return options;
+}
+
+namespace {
+
+// The first ids, as metadata has them.
+std::string FirstIds(const std::vector<std::int64_t>& ids) {
+  constexpr std::size_t kMostNamed = 16;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(ids.size(), kMostNamed); ++i) {
+    text += (i == 0 ? "" : ",") + std::to_string(ids[i]);
+  }
+  return text;
+}
+
+void WarnOfCutPolygons(const std::vector<std::int64_t>& faulty, std::int64_t torn, std::vector<Warning>* warnings) {
+  if (faulty.empty()) return;
+  const auto count = static_cast<std::int64_t>(faulty.size());
+  warnings->push_back(
+      {"POLYGON_CUT",
+       Counted(count, "face crosses itself, or passes", "faces cross themselves, or pass") +
+           " through a vertex twice, and may be cut: " +
+           (torn == 0 ? std::string("the map holds each in one piece all the same")
+                      : Counted(torn, "face is", "faces are") + " written as several"),
+       {{"count", std::to_string(count)}, {"faces", FirstIds(faulty)}, {"written_as_several", std::to_string(torn)}}});
+}
+
+// What the server verified are numbers; what counts are the bytes of the files.
+void JudgeWritten(const MeshInput& written, const std::string& path, Report* report) {
+  MapCheckOptions options;
+  options.texture_size = std::max(report->atlas.texture_size, 1);
+  options.tiles = std::max(report->atlas.tiles, 1);
+  options.with_spacing = false;
+  ThreadTeam team(static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 64U)));
+  const CheckedMap map = CheckMapOf(written, options, {&team});
+  const MapCheck& check = map.check;
+  Quality& quality = report->quality;
+  // Charts that lie on each other on purpose are told from others by the server only.
+  const bool is_flat_atlas = report->atlas.pack && report->atlas.layout != AtlasLayout::kStacked;
+  const std::int64_t overlapping = is_flat_atlas ? check.overlaps.pairs : quality.overlapping;
+  const auto without_uv = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
+  const auto is_more = [](std::int64_t now, std::int64_t before) { return now > before; };
+  if (is_more(check.flipped, quality.flipped) || is_more(check.degenerate, quality.degenerate) ||
+      is_more(overlapping, quality.overlapping) || without_uv > 0) {
+    report->warnings.push_back(
+        {"WRITTEN_MAP_DIFFERS",
+         path + ": the file does not hold the map as it was computed: " + std::to_string(check.flipped) + " flipped, " +
+             std::to_string(check.degenerate) + " degenerate triangles, " + std::to_string(overlapping) +
+             " overlapping pairs and " + std::to_string(without_uv) + " triangles without UV as written, " +
+             std::to_string(quality.flipped) + ", " + std::to_string(quality.degenerate) + ", " +
+             std::to_string(quality.overlapping) + " and 0 as computed",
+         {}});
+  }
+  quality.flipped = check.flipped;
+  quality.degenerate = check.degenerate + without_uv;
+  quality.overlapping = overlapping;
+  quality.stretch_l2 = check.stretch_l2;
+  quality.angle_error_mean_deg = check.angle_error_mean_deg;
+  quality.angle_error_max_deg = check.angle_error_max_deg;
+  quality.seam_length = check.seam_length;
+  if (is_flat_atlas) quality.packing_efficiency = check.packing_efficiency;
+}
+
+}  // namespace
+
+std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result) const {
+  for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
+  std::int64_t torn = 0;
+  WrittenMesh written = input_.WithUv(result.uv, outputs_, &torn);
+  for (const OutputWarning& warning : written.warnings) {
+    result.report.warnings.push_back({warning.reason, warning.message, {}});
+  }
+  WarnOfCutPolygons(input_.FaultyPolygons(), torn, &result.report.warnings);
+  for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+  std::vector<MeshFile> again;
+  for (const OutputOptions& output : outputs_) {
+    const auto file = std::find_if(written.files.begin(), written.files.end(),
+                                   [&](const OutputFile& each) { return each.path == output.path; });
+    if (file == written.files.end()) continue;
+    absl::StatusOr<MeshFile> read = ReadMeshBytes(file->path, output.format, file->bytes, {output.texcoord});
+    if (!read.ok()) throw ErrorFrom(read.status());
+    again.push_back(*std::move(read));
+  }
+  if (!again.empty()) JudgeWritten(MeshInput(std::move(again)), outputs_.front().path, &result.report);
+  return std::move(written.files);
+}
+
+}  // namespace planish::cli
