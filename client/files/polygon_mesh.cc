@@ -28,15 +28,17 @@ std::vector<std::int64_t> DifferentCorners(const PolygonMesh& polygons, std::int
   return corners;
 }
 
-// Corners of [begin, end) that are not in `corners`, each with the last one before it that is.
-void AppendRepeated(std::int64_t begin, std::int64_t end, const std::vector<std::int64_t>& corners,
-                    std::vector<std::array<std::int64_t, 2>>* repeated) {
+// Corners of [begin, end) that are not in `corners`, each with the neighbour of the same vertex that is.
+void AppendRepeated(const PolygonMesh& polygons, std::int64_t begin, std::int64_t end,
+                    const std::vector<std::int64_t>& corners, std::vector<std::array<std::int64_t, 2>>* repeated) {
   std::size_t next = 0;
   for (std::int64_t c = begin; c < end; ++c) {
     if (next < corners.size() && corners[next] == c) {
       ++next;
     } else {
-      repeated->push_back({c, corners[next == 0 ? corners.size() - 1 : next - 1]});
+      const std::int64_t before = corners[next == 0 ? corners.size() - 1 : next - 1];
+      const bool is_before = polygons.corner_vertex[c] == polygons.corner_vertex[before];
+      repeated->push_back({c, is_before ? before : corners[next % corners.size()]});
     }
   }
 }
@@ -121,7 +123,7 @@ Triangulation Triangulate(const PolygonMesh& polygons) {
     const std::int64_t end = polygons.polygon_begin[polygon + 1];
     const auto first_face = static_cast<std::int64_t>(result.mesh.faces.size());
     corners = DifferentCorners(polygons, first, end);
-    AppendRepeated(first, end, corners, &result.repeated_corners);
+    AppendRepeated(polygons, first, end, corners, &result.repeated_corners);
     outline.clear();
     for (const std::int64_t c : corners) outline.push_back(polygons.positions[polygons.corner_vertex[c]]);
     for (const Face& triangle : TrianglesOfPolygon(outline)) {

@@ -60,7 +60,7 @@ struct Triangulation {
   // polygon is one piece unless it is in `faulty`.
   std::vector<std::int32_t> piece;
   std::vector<std::pair<std::int64_t, PolygonFault>> faulty;  // polygons, ascending
-  // Corners that are in no triangle because they name the vertex of the corner before them; and that corner.
+  // Corners that are in no triangle because a neighbour names the same vertex; and that neighbour.
   std::vector<std::array<std::int64_t, 2>> repeated_corners;
 };
 

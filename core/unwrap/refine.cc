@@ -173,6 +173,15 @@ std::vector<Segmentation::Cut> ChartsToPart(const Job& job, const NeckOptions& o
   return cuts;
 }
 
+// Whether a chart is one polygon of three triangles or more. Two triangles of a polygon unfold side by side; more of them
+// may unfold onto each other.
+bool IsOnePolygon(const Job& job, const Chart& chart) {
+  const std::vector<std::int32_t>& polygon = job.options.face_polygon;
+  if (polygon.empty() || chart.faces.size() < 3) return false;
+  return std::all_of(chart.faces.begin(), chart.faces.end(),
+                     [&](std::int32_t f) { return polygon[f] == polygon[chart.faces.front()]; });
+}
+
 // Cuts, and returns whether that made new charts; `todo` has then what is to be solved.
 absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts, std::vector<std::int32_t>* todo,
                            Charts* charts) {
@@ -275,7 +284,13 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
   for (const std::int32_t i : *todo) {
     const MappedChart& mapped = charts->charts[i];
     if (!job->may_split() || mapped.chart.faces.size() < 2 || !IsToSplit(*job, *charts, mapped)) continue;
-    cuts.push_back({i, mapped.faults.face, mapped.faults.other_face});
+    Segmentation::Cut cut = {i, mapped.faults.face, mapped.faults.other_face};
+    if (IsOnePolygon(*job, mapped.chart)) {
+      // Nothing but an overlap is worth tearing it for.
+      if (mapped.status.ok() && mapped.faults.is_injective) continue;
+      cut.part = Indices(mapped.chart.faces.size());
+    }
+    cuts.push_back(std::move(cut));
   }
   return Split(job, cuts, todo, charts);
 }
@@ -294,6 +309,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
     if (cut.part.empty() && delivery.overlaps.pairs > 0) {
       const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
       if (found.faces.size() >= 2) cut = {i, found.faces[0], found.faces[1]};
+      if (found.faces.size() >= 2 && IsOnePolygon(*job, chart)) cut.part = Indices(chart.faces.size());
     }
     bool is_faulty = !cut.part.empty() || cut.face >= 0;
     if (!is_faulty && seams.policy == SeamPolicy::kAuto) {

@@ -125,7 +125,7 @@ absl::Status CheckPolygons(const UnwrapOptions& options, std::int64_t num_faces)
 }
 
 // Maps the charts in `todo`, and those that they are cut into until each map is sound. That ends: a cut makes more
-// charts, and a chart of one triangle, or polygon, is not cut.
+// charts, and a chart of one triangle is not cut.
 absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* charts) {
   bool goes_on = true;
   while (goes_on) {
