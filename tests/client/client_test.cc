@@ -22,6 +22,7 @@ using testing::FakeStream;
 using ::testing::HasSubstr;
 using testing::kUv;
 using testing::MakeStatus;
+using testing::NumbersIn;
 using testing::ProgressEvent;
 using testing::StateEvent;
 using testing::SuccessEvent;
@@ -131,20 +132,23 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   const std::vector<std::uint32_t> edges = {4, 1, 5, 4};  // the diagonal, in the caller's ids, and an outer edge
   const std::vector<std::int32_t> corners = {0};          // faces the edge 2-4
   const std::vector<std::int32_t> uncut = {5, 1};
+  const std::vector<std::int32_t> polygons = {1, 0};
   const std::vector<std::int32_t> atlas = {0, 7};
   const std::vector<float> weights = {1, 0.5F};
   const UnwrapResult result = NewClient().Unwrap(MeshView(kWithIsolated, kTrianglesOfIt)
                                                      .WithSeams(edges)
                                                      .WithSeamCorners(corners)
                                                      .WithUncutCorners(uncut)
+                                                     .WithFacePolygons(polygons)
                                                      .WithFaceAtlas(atlas)
                                                      .WithFaceWeights(weights),
                                                  options, callbacks);
 
-  EXPECT_THAT(seen.spec().seam_corners(), ElementsAre(1, 3, 0));
-  EXPECT_THAT(seen.spec().uncut_corners(), ElementsAre(5, 1));
-  EXPECT_THAT(seen.spec().face_atlas(), ElementsAre(0, 7));
-  EXPECT_THAT(seen.spec().face_weights(), ElementsAre(1, 0.5F));
+  EXPECT_THAT(NumbersIn<std::int32_t>(seen.spec().elements().seam_corners()), ElementsAre(1, 3, 0));
+  EXPECT_THAT(NumbersIn<std::int32_t>(seen.spec().elements().uncut_corners()), ElementsAre(5, 1));
+  EXPECT_THAT(NumbersIn<std::int32_t>(seen.spec().elements().face_polygon()), ElementsAre(1, 0));
+  EXPECT_THAT(NumbersIn<std::int32_t>(seen.spec().elements().face_atlas()), ElementsAre(0, 7));
+  EXPECT_THAT(NumbersIn<float>(seen.spec().elements().face_weights()), ElementsAre(1, 0.5F));
   EXPECT_EQ(seen.spec().options().atlas_layout(), v1::ATLAS_LAYOUT_STACKED);
   EXPECT_EQ(seen.spec().options().seams(), v1::SEAMS_KEEP);
   EXPECT_EQ(seen.spec().options().hard_edge_degrees(), 30);
@@ -190,7 +194,7 @@ TEST_F(ClientTest, DefaultsAreTheServers) {
   EXPECT_EQ(seen.spec().options().seams(), v1::SEAMS_AUTO);
   EXPECT_FALSE(seen.spec().options().has_padding());
   EXPECT_EQ(seen.spec().options().pack(), v1::PACK_ON);
-  EXPECT_THAT(seen.spec().seam_corners(), ElementsAre(1));
+  EXPECT_THAT(NumbersIn<std::int32_t>(seen.spec().elements().seam_corners()), ElementsAre(1));
   EXPECT_EQ(job.options.seams, Seams::kAuto) << "what a server leaves open is auto";
 }
 
@@ -211,6 +215,10 @@ TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
     error = ErrorOf([&] { NewClient().Unwrap(mesh.WithUncutCorners(std::vector<std::int32_t>{corner})); });
     EXPECT_EQ(error.metadata().at("field"), "uncut_corners");
   }
+  const std::vector<std::int32_t> quad = {0, 0};  // 1-4 is its diagonal
+  const std::vector<std::uint32_t> common = {1, 4};
+  error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeams(common).WithFacePolygons(quad)); });
+  EXPECT_EQ(error.metadata().at("edges"), "1-4");
   error = ErrorOf([&] { NewClient().Unwrap(mesh.WithFaceAtlas(std::vector<std::int32_t>{0})); });
   EXPECT_EQ(error.metadata().at("field"), "face_atlas") << "of two triangles";
   error = ErrorOf([&] { NewClient().Unwrap(mesh.WithFaceWeights(std::vector<float>{1, 1, 1})); });

@@ -1,6 +1,7 @@
 // A planish server for tests that does what the test says, on a real socket.
 #pragma once
 
+#include <cstring>
 #include <functional>
 #include <map>
 #include <memory>
@@ -89,6 +90,14 @@ Error ErrorOf(const std::function<void()>& call);
 template <typename Number>
 std::string Bytes(const std::vector<Number>& numbers) {
   return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(Number));
+}
+
+// What planish.v1.MeshElements packs.
+template <typename Number>
+std::vector<Number> NumbersIn(const std::string& bytes) {
+  std::vector<Number> numbers(bytes.size() / sizeof(Number));
+  if (!bytes.empty()) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+  return numbers;
 }
 
 }  // namespace planish::testing

@@ -25,7 +25,7 @@ TEST_P(PolygonFamily, IsWrittenWhole) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, PolygonFamily, ValuesIn(testing::PolygonFamilies()),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& family) { return family.param; });
 
 }  // namespace
 }  // namespace planish

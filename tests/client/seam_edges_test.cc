@@ -110,15 +110,11 @@ TEST_F(PolygonEdgesTest, ListsAreCheckedLineByLine) {
   EXPECT_THROW(PolygonEdges(file_, triangles_).ListedIn("/nonexistent/list"), Error);
 }
 
-TEST_F(PolygonEdgesTest, DiagonalsAreNamedOnce) {
-  EXPECT_THAT(UncutCorners(file_, triangles_, {}), ElementsAre(5, 11)) << "0-4 in (0 4 3) and 1-5 in (1 5 4)";
+TEST_F(PolygonEdgesTest, UncutEdgesAreThoseOfTheList) {
+  EXPECT_THAT(UncutCorners(file_, triangles_, {}), IsEmpty()) << "diagonals travel as polygons";
   SeamList list;
   list.uncut_files = {Write("2 5\n1 2\n")};
-  EXPECT_THAT(UncutCorners(file_, triangles_, list), ElementsAre(0, 2, 5, 11)) << "with 1-4 and 0-1, which are listed";
-  file_.mesh.polygon_begin = {0, 3};
-  file_.mesh.corner_vertex = {0, 1, 4};
-  triangles_ = Triangulate(file_.mesh);
-  EXPECT_THAT(UncutCorners(file_, triangles_, {}), IsEmpty());
+  EXPECT_THAT(UncutCorners(file_, triangles_, list), ElementsAre(0, 2)) << "1-4 and 0-1";
 }
 
 TEST_F(PolygonEdgesTest, SourcesThatTheFileDoesNotHaveAreRefused) {

@@ -110,7 +110,7 @@ v1::JobSpec RandomSpec(const std::string& draco, std::mt19937& random) {
   if (random() % 16 == 0) (*spec.mutable_labels())[random() % 2 == 0 ? "" : "No key"] = "mutation";
   if (random() % 8 == 0) spec.mutable_scheduling()->mutable_timeout()->set_seconds(60);
   if (random() % 8 == 0) spec.mutable_scheduling()->set_priority(v1::PRIORITY_LOW);
-  if (random() % 8 == 0) spec.add_seam_corners(static_cast<std::int32_t>(random() % 6));
+  if (random() % 8 == 0) spec.mutable_elements()->set_seam_corners(std::string(1, static_cast<char>(random() % 6)) + std::string(random() % 4, '\0'));
   return spec;
 }
 

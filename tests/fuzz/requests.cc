@@ -71,11 +71,10 @@ void CheckJobRequest(v1::JobSpec spec, const std::string& request_id) {
   }
   Require(!job.bytes.empty() && job.MeshBytes() <= kMaxMeshBytes, "a mesh within the limit");
   if (job.array_vertices.has_value()) CheckArrays(job);
-  const std::string numbers = PackNumbers(job);
-  Require(numbers.size() == 4 * job.NumberCount(), "four bytes a number");
+  const std::string elements = PackElements(job);
   Require(job.OptionsForNeeds().tiles() <= std::max(100, job.options.tiles()), "tiles are in range");
-  const std::string key = WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(numbers));
-  Require(key.size() == 32 && key == WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(numbers)),
+  const std::string key = WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(elements));
+  Require(key.size() == 32 && key == WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(elements)),
           "the same key for the same work");
   for (const auto& [name, value] : job.labels) Require(IsLabelKey(name) && value.size() <= 256, "labels are in range");
   for (const auto* duration : {&job.scheduling.timeout(), &job.scheduling.compute_budget()}) {

@@ -91,35 +91,6 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
   EXPECT_THAT(List(0)->jobs, IsEmpty());
 }
 
-TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
-  options_.max_mesh_bytes = 16;
-  Restart();
-  JobRequest request = Request();
-  request.bytes = "mesh";
-  request.seam_corners = {5, 0};
-  request.uncut_corners = {2};
-  const auto accepted = manager_->Create(caller_, request);
-  ASSERT_TRUE(accepted.ok()) << accepted.status();
-  EXPECT_EQ(accepted->job.mesh_bytes(), 16);
-  const auto assignment = TakeNext();
-  EXPECT_EQ(assignment->request.seam_corners(), 2);
-  EXPECT_EQ(assignment->request.uncut_corners(), 1);
-  ASSERT_THAT(assignment->blobs, SizeIs(2));
-  EXPECT_EQ(assignment->blobs[1]->bytes(), std::string("\5\0\0\0\0\0\0\0\2\0\0\0", 12));
-
-  request.seam_corners = {5, 0, 7};
-  EXPECT_EQ(Reason(manager_->Create(caller_, request).status()), "MESH_TOO_LARGE");
-
-  request.seam_corners = {5, -3};
-  const ErrorInfo info = ErrorInfoOf(manager_->Create(caller_, request).status());
-  EXPECT_EQ(info.reason, "OPTIONS_INVALID");
-  EXPECT_EQ(info.metadata.at("field"), "seam_corners");
-  EXPECT_EQ(info.metadata.at("corner"), "-3");
-  request.seam_corners.clear();
-  request.uncut_corners = {-4};
-  EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "uncut_corners");
-}
-
 TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
   Create();
   ASSERT_TRUE(TakeNext().has_value());

@@ -3,6 +3,7 @@
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "server/link/mesh_elements.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 
 namespace planish {
@@ -59,10 +60,11 @@ TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
   };
   EXPECT_TRUE(joins([](JobRequest*) {}));
   EXPECT_FALSE(joins([](JobRequest* request) { request->options.set_tolerance(1e-6); }));
-  EXPECT_FALSE(joins([](JobRequest* request) { request->seam_corners = {1}; }));
-  EXPECT_FALSE(joins([](JobRequest* request) { request->uncut_corners = {1}; }));
-  EXPECT_FALSE(joins([](JobRequest* request) { request->face_atlas = {1}; }));
-  EXPECT_FALSE(joins([](JobRequest* request) { request->face_weights = {1}; }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->elements.set_seam_corners(std::string("\1\0\0\0", 4)); }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->elements.set_uncut_corners(std::string("\1\0\0\0", 4)); }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->elements.set_face_polygon(std::string(4, '\0')); }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->elements.set_face_atlas(std::string("\1\0\0\0", 4)); }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->elements.set_face_weights(PackNumbers<float>(std::vector{1.0F})); }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->options.set_atlas_layout(v1::ATLAS_LAYOUT_STACKED); }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->failpoint = "solve=abort"; }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->scheduling.set_fresh(true); }));

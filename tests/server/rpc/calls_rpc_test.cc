@@ -299,11 +299,11 @@ TEST(MeshArrays, CountTowardsTheLimitsOfAMesh) {
   EXPECT_EQ(job.mesh_bytes(), 72);
   EXPECT_GT(job.memory_bytes(), 0);
 
-  request.mutable_spec()->add_seam_corners(0);
+  request.mutable_spec()->mutable_elements()->set_seam_corners(std::string(4, '\0'));
   grpc::Status status = Ask(server, &Stub::CreateJob, request, &job);
   EXPECT_EQ(InfoOf(status).reason(), "MESH_TOO_LARGE");
   EXPECT_EQ(InfoOf(status).metadata().at("bytes"), "76");
-  request.mutable_spec()->clear_seam_corners();
+  request.mutable_spec()->clear_elements();
   v1::MeshArrays* arrays = request.mutable_spec()->mutable_arrays();
   arrays->mutable_positions()->resize(36);
   arrays->mutable_triangles()->append(std::string(12, '\0'));
@@ -347,7 +347,8 @@ TEST(BadRequests, NameThePathOfTheField) {
             "spec.arrays.triangles");
   EXPECT_EQ(violation([](Request* r) { r->mutable_spec()->mutable_options()->set_padding(65); }),
             "spec.options.padding");
-  EXPECT_EQ(violation([](Request* r) { r->mutable_spec()->add_seam_corners(-1); }), "spec.seam_corners");
+  EXPECT_EQ(violation([](Request* r) { r->mutable_spec()->mutable_elements()->set_seam_corners("\xff\xff\xff\xff"); }),
+            "spec.elements.seam_corners");
   EXPECT_EQ(violation([](Request* r) { r->mutable_spec()->mutable_scheduling()->mutable_timeout(); }),
             "spec.scheduling.timeout");
   EXPECT_EQ(violation([](Request* r) { (*r->mutable_spec()->mutable_labels())["No"] = ""; }), "spec.labels");

@@ -6,6 +6,7 @@
 #include "core/base/error.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "server/link/mesh_elements.h"
 #include "tests/server/rpc/rpc_test_server.h"
 
 namespace planish {
@@ -67,38 +68,39 @@ v1::JobState EndState(RpcTestServer& server, const std::string& name) {
 TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
   std::vector<std::vector<std::int32_t>> seen;
   RpcTestServer server([&seen](ServerLink& link, const ServerLink::Received& received) {
-    const worker::v1::WorkRequest& request = received.message.request();
     EXPECT_EQ(received.blobs.size(), 2u);
     EXPECT_EQ(received.blobs.at(0)->bytes(), "mesh");
-    const std::string_view corners = received.blobs.at(1)->bytes();
-    EXPECT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
-    std::vector<std::int32_t>& numbers = seen.emplace_back(corners.size() / 4);
-    std::memcpy(numbers.data(), corners.data(), corners.size());
-    EXPECT_EQ(request.uncut_corners(), request.seam_corners() == 1 ? 1 : 0);
+    v1::MeshElements elements;
+    EXPECT_TRUE(elements.ParseFromString(std::string(received.blobs.at(1)->bytes())));
+    const auto numbers = DecodeMeshElements(elements, {}, std::nullopt);
+    seen.push_back(numbers->seam_corners);
+    seen.push_back(numbers->uncut_corners);
     SendSuccess(link, "uv");
     return true;
   });
+  const auto bytes = [](const std::vector<std::int32_t>& numbers) { return PackNumbers<std::int32_t>(numbers); };
   v1::UnwrapRequest request = UnwrapOfMesh();
-  for (const int corner : {7, 0, 7}) request.mutable_spec()->add_seam_corners(corner);
+  request.mutable_spec()->mutable_elements()->set_seam_corners(bytes({7, 0, 7}));
   const Received received = Unwrap(server, request);
   EXPECT_TRUE(received.status.ok()) << received.status.error_message();
   EXPECT_EQ(received.LastJob().mesh_bytes(), 4 + 3 * 4);
 
   v1::CreateJobRequest create;
   create.mutable_spec()->set_draco("mesh");
-  create.mutable_spec()->add_seam_corners(3);
-  create.mutable_spec()->add_uncut_corners(8);
+  create.mutable_spec()->mutable_elements()->set_seam_corners(bytes({3}));
+  create.mutable_spec()->mutable_elements()->set_uncut_corners(bytes({8}));
   grpc::ClientContext context;
   v1::Job job;
   ASSERT_TRUE(server.stub().CreateJob(&context, create, &job).ok());
   Watch(server, WatchRequest(job.name(), 0));
-  EXPECT_THAT(seen, ::testing::ElementsAre(::testing::ElementsAre(7, 0, 7), ::testing::ElementsAre(3, 8)));
+  using ::testing::ElementsAre;
+  EXPECT_THAT(seen, ElementsAre(ElementsAre(7, 0, 7), ElementsAre(), ElementsAre(3), ElementsAre(8)));
 
-  request.mutable_spec()->add_seam_corners(-1);
+  request.mutable_spec()->mutable_elements()->set_seam_corners(bytes({-1}));
   const Received refused = Unwrap(server, request);
   EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(InfoOf(refused.status).reason(), "OPTIONS_INVALID");
-  EXPECT_EQ(InfoOf(refused.status).metadata().at("field"), "spec.seam_corners");
+  EXPECT_EQ(InfoOf(refused.status).metadata().at("field"), "spec.elements.seam_corners");
 }
 
 TEST(UnwrapRpc, EventsInOrderThenUvInChunks) {

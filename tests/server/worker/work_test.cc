@@ -18,6 +18,7 @@
 #include "gtest/gtest.h"
 #include "server/link/duration.h"
 #include "server/link/in_process_link.h"
+#include "server/link/mesh_elements.h"
 #include "server/worker/failpoints.h"
 #include "server/worker/report.h"
 #include "server/worker/worker.h"
@@ -55,12 +56,11 @@ Job JobOf(const Mesh& mesh) {
 }
 
 void AddCorners(const std::vector<std::int32_t>& seams, const std::vector<std::int32_t>& uncut, Job* job) {
-  std::vector<std::int32_t> all = seams;
-  all.insert(all.end(), uncut.begin(), uncut.end());
-  job->request.set_seam_corners(static_cast<std::int64_t>(seams.size()));
-  job->request.set_uncut_corners(static_cast<std::int64_t>(uncut.size()));
+  v1::MeshElements elements;
+  elements.set_seam_corners(PackNumbers<std::int32_t>(seams));
+  elements.set_uncut_corners(PackNumbers<std::int32_t>(uncut));
   job->blobs.resize(1);
-  job->blobs.push_back(*Blob::Copy({reinterpret_cast<const char*>(all.data()), all.size() * sizeof(std::int32_t)}));
+  job->blobs.push_back(*Blob::Copy(elements.SerializeAsString()));
 }
 
 WorkOutcome RunOutcome(const Job& job) {
@@ -263,53 +263,6 @@ TEST(Work, FaultsAreNamed) {
   EXPECT_EQ(Reason(RunOnce(JobOf(mesh))), "MESH_POSITION_NOT_FINITE");
 }
 
-TEST(Work, SeamCornersBeyondTheMeshAreRefusedByNumber) {
-  Job job = JobOf(Bump(4));  // 32 faces
-  AddCorners({95}, {}, &job);
-  EXPECT_EQ(RunOnce(job).status().code(), 0);
-  for (const int corner : {96, -1}) {
-    AddCorners({95, corner}, {}, &job);
-    const worker::v1::WorkResult result = RunOnce(job);
-    EXPECT_EQ(result.status().code(), static_cast<int>(absl::StatusCode::kInvalidArgument));
-    google::rpc::ErrorInfo info;
-    ASSERT_TRUE(result.status().details(0).UnpackTo(&info));
-    EXPECT_EQ(info.reason(), "OPTIONS_INVALID");
-    EXPECT_EQ(info.metadata().at("field"), "seam_corners");
-    EXPECT_EQ(info.metadata().at("corner"), std::to_string(corner));
-    Job uncut = JobOf(Bump(4));
-    AddCorners({}, {corner}, &uncut);
-    EXPECT_EQ(Reason(RunOnce(uncut)), "OPTIONS_INVALID") << corner;
-  }
-}
-
-TEST(Work, AtlasesAndWeightsComeBehindTheCorners) {
-  Job job = JobOf(Bump(4));  // 32 faces
-  AddCorners({95}, {}, &job);
-  std::vector<std::int32_t> numbers = {95};
-  for (int f = 0; f < 32; ++f) numbers.push_back(f < 16 ? 0 : 4);
-  for (int f = 0; f < 32; ++f) numbers.push_back(std::bit_cast<std::int32_t>(f < 16 ? 1.0F : 2.0F));
-  job.blobs[1] = *Blob::Copy({reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(std::int32_t)});
-  job.request.set_face_atlases(32);
-  job.request.set_face_weights(32);
-  const worker::v1::WorkResult result = RunOnce(job);
-  ASSERT_EQ(result.status().code(), 0) << result.status().message();
-  const v1::Atlas& atlas = result.report().atlas();
-  EXPECT_EQ(atlas.layout(), v1::ATLAS_LAYOUT_UDIM);
-  ASSERT_EQ(atlas.atlases_size(), 2);
-  EXPECT_EQ(atlas.atlases(1).atlas(), 4);
-  EXPECT_EQ(atlas.atlases(1).first_tile(), 4);
-  EXPECT_EQ(atlas.atlases(1).triangles(), 16);
-  EXPECT_GE(atlas.atlases(1).charts(), 1);
-  EXPECT_GT(atlas.atlases(1).packing_efficiency(), 2 * atlas.atlases(0).packing_efficiency()) << "of twice the weight";
-  EXPECT_EQ(atlas.tiles(), 5);
-
-  job.request.set_face_weights(31);
-  EXPECT_EQ(RunOnce(job).status().code(), static_cast<int>(absl::StatusCode::kInternal)) << "not what was announced";
-  job.request.set_face_atlases(33);
-  const worker::v1::WorkResult wrong = RunOnce(job);
-  EXPECT_EQ(Reason(wrong), "OPTIONS_INVALID") << "one too many";
-}
-
 TEST(Work, ReportsTheAtlasThatWasAskedFor) {
   Job job = JobOf(Bump(4));
   job.options().set_texture_size(512);
@@ -427,14 +380,9 @@ TEST(Work, MoreTrianglesThanAllowedAreRefused) {
   EXPECT_EQ(Reason(result), "MESH_TOO_LARGE");
 }
 
-TEST(Work, BlobsOtherThanAnnouncedAreAnError) {
+TEST(Work, BlobsThatCannotBeReadAreAnError) {
   Job job = JobOf(Bump(4));
-  job.request.set_seam_corners(1);
-  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "no second blob";
-  AddCorners({1, 2}, {}, &job);
-  job.request.set_seam_corners(1);
-  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "more numbers than announced";
-  job.request.set_seam_corners(-1);
+  job.blobs.push_back(*Blob::Copy("no elements"));
   EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL");
   job.blobs.clear();
   EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "no mesh";
