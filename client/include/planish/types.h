@@ -25,7 +25,8 @@ namespace planish::inline abi0 {
 
 // A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
 // `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
-// float. Vertices without a triangle are allowed and ignored.
+// float. Where that would lose digits of a mesh far from the origin, a common point is subtracted from all positions
+// before, in double. Vertices without a triangle are allowed and ignored.
 class MeshView {
  public:
   using Positions = std::variant<std::span<const float>, std::span<const double>>;
