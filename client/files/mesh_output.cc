@@ -7,6 +7,7 @@
 #include "client/files/writers.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/local_origin.h"
 
 namespace planish {
 namespace {
@@ -26,6 +27,14 @@ absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr
   return written;
 }
 
+// Draco has floats and no place for a translation.
+void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* warnings) {
+  if (LocalOrigin(mesh.positions).isZero(0)) return;
+  warnings->push_back({"POSITION_PRECISION",
+                       "the mesh lies too far from the origin for the floats of .drc, which round its positions; .glb, "
+                       ".ply, .obj and .off keep them"});
+}
+
 absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const std::vector<double>& uv, const OutputOptions& options) {
   const bool is_own = file.format == options.format;
   switch (options.format) {
@@ -37,8 +46,11 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const std::vector<double
     case MeshFormat::kOff:
       return OneFile(options,
                      is_own ? WriteOff(file, uv, options.uv_is_float) : PlainOff(file.mesh, uv, options.uv_is_float));
-    case MeshFormat::kDraco:
-      return OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(file.mesh, uv));
+    case MeshFormat::kDraco: {
+      absl::StatusOr<WrittenMesh> written = OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(file.mesh, uv));
+      if (written.ok() && !is_own) WarnOfFarPositions(file.mesh, &written->warnings);
+      return written;
+    }
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
       return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(file.mesh, uv, options);
@@ -57,9 +69,9 @@ absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
       const std::string name = "TEXCOORD_" + std::to_string(n);
       if (attributes.contains(name)) continue;
       return Unsupported(file.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
-                         std::to_string(primitive.primitive) + "] has no " + name + ", so that TEXCOORD_" +
+                         std::to_string(primitive.primitive) + "] has no " + name + ", and glTF allows no TEXCOORD_" +
                          std::to_string(texcoord) +
-                         " would leave a gap, which glTF forbids; use --output-texcoord=" + std::to_string(n));
+                         " without it; make that one first, with --output-texcoord=" + std::to_string(n));
     }
   }
   return absl::OkStatus();
