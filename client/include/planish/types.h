@@ -206,9 +206,10 @@ struct Progress {
   double linear_residual = 0;          // relative, of the present linear solve; 0 between solves
   Residual residual;                   // after newton_iteration steps
   double energy = 0;
-  double step_length = 0;  // fraction of the last Newton step taken
-  Seconds elapsed{0};      // since the worker began
-  double tolerance = 0;    // largest residual that ends the solve as converged
+  double step_length = 0;     // fraction of the last Newton step taken
+  Seconds elapsed{0};         // since the worker began
+  double tolerance = 0;       // largest residual that ends the solve as converged
+  double stage_fraction = 0;  // of the stage that is done, roughly; 0 in stages that do not tell
 };
 
 // How the boundary control of a chart went.
@@ -277,6 +278,7 @@ struct Atlas {
   AtlasLayout layout = AtlasLayout::kUdim;
   // With WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty.
   std::vector<AtlasPart> atlases = {};
+  double padding_kept = 0;  // texels that are free between charts: `padding`, or less where there was no room
 };
 
 // Measured on the delivered UV with exact predicates.
