@@ -110,24 +110,30 @@ class FileFaces {
     return input_.PolygonOf(map_.triangle_of_face[static_cast<std::size_t>(face)]);
   }
 
-  // The first `most` polygons of triangles of the file, each once.
+  // The first `most` polygons of triangles of the file, ascending, each once.
   std::vector<std::int64_t> Polygons(const std::vector<std::int32_t>& triangles, std::size_t most) const {
     std::vector<std::int64_t> polygons;
     for (const std::int32_t t : triangles) {
       if (polygons.size() == most) break;
+      // The triangles of a polygon follow each other.
       const std::int64_t polygon = input_.PolygonOf(t);
-      if (std::find(polygons.begin(), polygons.end(), polygon) == polygons.end()) polygons.push_back(polygon);
+      if (polygons.empty() || polygons.back() != polygon) polygons.push_back(polygon);
     }
     return polygons;
   }
 
   // Those with one of the bits of `faults`.
   std::vector<std::int64_t> WithFault(std::uint8_t faults, std::size_t most) const {
+    return Polygons(TrianglesWithFault(faults), most);
+  }
+
+  // Of the file, ascending.
+  std::vector<std::int32_t> TrianglesWithFault(std::uint8_t faults) const {
     std::vector<std::int32_t> triangles;
-    for (std::size_t f = 0; f < map_.check.faults.size() && triangles.size() < 4 * most; ++f) {
+    for (std::size_t f = 0; f < map_.check.faults.size(); ++f) {
       if (map_.check.faults[f] & faults) triangles.push_back(map_.triangle_of_face[f]);
     }
-    return Polygons(triangles, most);
+    return triangles;
   }
 
   // " (face 3 (a.obj:12), face 9 (a.obj:40))"
@@ -137,6 +143,21 @@ class FileFaces {
     for (const std::int64_t polygon : polygons) ids += (ids.empty() ? "" : ", ") + std::to_string(polygon);
     return " (" + Places({{"faces", ids}}, &input_) + ")";
   }
+
+  // How many there are, in the numbers of the file: "3 (face 2, ...)", or where it has polygons "6 triangles of 3 faces
+  // (face 2, ...)".
+  std::string Counted(const std::vector<std::int32_t>& triangles) const {
+    if (triangles.empty()) return "none";
+    const auto count = static_cast<std::int64_t>(triangles.size());
+    const std::vector<std::int64_t> all = Polygons(triangles, triangles.size());
+    const std::vector<std::int64_t> first(all.begin(), all.begin() + std::min(all.size(), kInText));
+    const bool has_polygons = input_.file().mesh.num_polygons() < map_.triangles;
+    return (has_polygons ? cli::Counted(count, "triangle", "triangles") + " of " +
+                               cli::Counted(static_cast<std::int64_t>(all.size()), "face", "faces")
+                         : WithCommas(count)) +
+           Named(first);
+  }
+  std::string CountedWithFault(std::uint8_t fault) const { return Counted(TrianglesWithFault(fault)); }
 
  private:
   const MeshInput& input_;
@@ -263,20 +284,17 @@ std::vector<std::pair<std::string, std::string>> CheckLines(const MeshInput& inp
   } else {
     count("overlapping pairs", check.overlaps.pairs, faces.Named(faces.Polygons(first_pair, kInText)));
   }
-  count("flipped", check.flipped, faces.Named(faces.WithFault(kFlippedFace, kInText)));
+  add("flipped", faces.CountedWithFault(kFlippedFace));
   const std::vector<std::int32_t> mirrored = MirroredCharts(map);
   count("mirrored charts", check.mirrored_charts,
         mirrored.empty() ? ""
                          : ", with " + Counted(check.mirrored_triangles, "triangle", "triangles") + "; first " +
                                ChartName(faces, map, mirrored.front()));
-  count("degenerate", check.degenerate, faces.Named(faces.WithFault(kDegenerateFace, kInText)));
-  count("outside the tiles", check.outside, faces.Named(faces.WithFault(kOutsideFace, kInText)));
-  count("without UV", static_cast<std::int64_t>(map.without_uv.size()),
-        faces.Named(faces.Polygons(map.without_uv, kInText)));
-  if (!map.not_finite.empty()) {
-    count("not finite", static_cast<std::int64_t>(map.not_finite.size()),
-          faces.Named(faces.Polygons(map.not_finite, kInText)));
-  }
+  add("degenerate", faces.CountedWithFault(kDegenerateFace));
+  if (check.without_area > 0) add("no area on surface", faces.CountedWithFault(kFaceWithoutArea));
+  add("outside the tiles", faces.CountedWithFault(kOutsideFace));
+  add("without UV", faces.Counted(map.without_uv));
+  if (!map.not_finite.empty()) add("not finite", faces.Counted(map.not_finite));
   const std::size_t worst = MostStretched(map).value_or(0);
   add("L2 stretch", Significant(check.stretch_l2, 5) + " overall; " + Significant(check.charts[worst].stretch_l2, 5) +
                         " in " + ChartName(faces, map, static_cast<std::int32_t>(worst)));
@@ -355,6 +373,7 @@ Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_se
                         {"triangles", check.mirrored_triangles},
                         {"first", chart_ids(MirroredCharts(map))}};
     json["degenerate"] = counted(check.degenerate, faces.WithFault(kDegenerateFace, kInJson));
+    json["without_area"] = counted(check.without_area, faces.WithFault(kFaceWithoutArea, kInJson));
     json["outside"] = counted(check.outside, faces.WithFault(kOutsideFace, kInJson));
     const auto worst = static_cast<std::int32_t>(MostStretched(map).value_or(0));
     json["stretch_l2"] = check.stretch_l2;

@@ -111,10 +111,11 @@ void AddProgress(CLI::App& app, Arguments& arguments) {
       ->excludes("--quiet");
 }
 
-void AddOutput(CLI::App& app, Arguments& arguments) {
+void AddOutput(CLI::App& app, Arguments& arguments, bool takes_batch) {
   app.add_option("-o,--output", arguments.output,
-                 "Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or .drc; - is "
-                 "stdout; a directory keeps the name, and takes a batch")
+                 std::string("Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or "
+                             ".drc; - is stdout; a directory keeps the name") +
+                     (takes_batch ? ", and takes a batch" : ""))
       ->type_name("OUT");
 }
 
@@ -263,7 +264,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   CLI::App& watch = AddJobCommand(jobs, arguments, Command::kJobsWatch, "watch",
                                   "Follow a job to its end; with --mesh and -o, write its UV");
   watch.add_option("--mesh", arguments.input, "The file that was sent; the UV go into a copy of it")->type_name("IN");
-  AddOutput(watch, arguments);
+  AddOutput(watch, arguments, /*takes_batch=*/false);
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddOutputTexcoord(watch, arguments);

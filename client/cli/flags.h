@@ -47,7 +47,7 @@ void AddLabels(CLI::App& app, Arguments& arguments, const std::string& descripti
 void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& description);
 void AddScheduling(CLI::App& app, Scheduling& scheduling);
 void AddJson(CLI::App& app, Arguments& arguments);
-void AddOutput(CLI::App& app, Arguments& arguments);
+void AddOutput(CLI::App& app, Arguments& arguments, bool takes_batch);
 void AddPreview(CLI::App& app, Arguments& arguments);
 void AddTexcoord(CLI::App& app, Arguments& arguments);
 void AddOutputTexcoord(CLI::App& app, Arguments& arguments);

@@ -150,15 +150,17 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
 
 // Flags that are given count more than those of a preset.
 void AddPreset(CLI::App& app, Arguments& arguments) {
-  CLI::Option* const preset = app.add_option("--preset", "lightmap: --output-texcoord=1 --seams=auto,uv --padding=4")
-                                  ->check(CLI::IsMember({"lightmap"}).description(""))
-                                  ->type_name("lightmap");
+  CLI::Option* const preset =
+      app.add_option("--preset", "lightmap: --output-texcoord=1 --padding=4 --seams=auto, with uv if there are any")
+          ->check(CLI::IsMember({"lightmap"}).description(""))
+          ->type_name("lightmap");
   app.final_callback([&app, &arguments, preset] {
     if (preset->count() == 0) return;
     if (!arguments.output_texcoord) arguments.output_texcoord = 1;
     if (!arguments.options.padding) arguments.options.padding = 4;
     if (app.get_option("--seams")->count() == 0) {
       ParseSeamList("auto,uv", &arguments.seams);
+      arguments.seams.uv_is_optional = true;
       arguments.options.seams = arguments.seams.policy;
     }
   });
@@ -178,7 +180,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_option("MORE", arguments.more_inputs, "Further files and directories: a batch; OUT is a directory then")
       ->type_name("");
   UnwrapOptions& options = arguments.options;
-  AddOutput(unwrap, arguments);
+  AddOutput(unwrap, arguments, /*takes_batch=*/true);
   AddSeams(unwrap, arguments);
   AddAtlasSize(unwrap, arguments);
   AddReport(unwrap, arguments);
@@ -332,7 +334,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
       "unreadable "
       "file.");
   pack.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
-  AddOutput(pack, arguments);
+  AddOutput(pack, arguments, /*takes_batch=*/false);
   AddAtlasSize(pack, arguments);
   AddPacking(pack, arguments);
   pack.add_option_function<std::string>(

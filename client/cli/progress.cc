@@ -13,7 +13,7 @@ namespace {
 struct Weights {
   double cut = 2e-6;     // seconds a byte of the mesh
   double solve = 4e-6;   // seconds a byte
-  double cuts = 1.7;     // times what came before the first solve: all solves
+  double cuts = 0.65;    // times what came before the first solve: all solves
   double pack = 0.1;     // seconds, and
   double packs = 0.35;   // times all that came before
   double verify = 0.03;  // times all that came before
@@ -52,6 +52,13 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
                     : progress.stage < Stage::kPack  ? kSolve
                     : progress.stage == Stage::kPack ? kPack
                                                      : kVerify;
+  if (phase == kCut && progress.stage == Stage::kCharts) {
+    if (stage_ != Stage::kCharts) charts_began_ = now;
+    if (progress.stage_fraction > charts_part_) {
+      charts_part_ = progress.stage_fraction;
+      charts_told_ = now;
+    }
+  }
   if (phase_ < kSolve && phase >= kSolve) {
     solve_seconds_ = WeightsOf(options_).cuts * now;
     round_began_ = now;
@@ -89,7 +96,13 @@ double WorkEstimate::Fraction(double seconds) const {
   double all = 0;  // up to the end of the phase
   switch (phase_) {
     case kCut:
-      all = seconds + Left(kStart + weights.cut * bytes_, seconds) + weights.solve * bytes_;
+      // From a tenth on the stage of charts itself tells more than the size of the mesh.
+      if (charts_part_ > 0.1) {
+        const double cut = charts_began_ + (charts_told_ - charts_began_) / charts_part_;
+        all = std::max(cut, seconds) * (1 + weights.cuts);
+      } else {
+        all = seconds + Left(kStart + weights.cut * bytes_, seconds) + weights.solve * bytes_;
+      }
       break;
     case kSolve:
       // From a tenth on the chart's own way tells more.
@@ -134,6 +147,7 @@ void JobProgress::Apply(const Event& event) {
     if (progress.chart != chart) residuals.clear();
     chart = progress.chart;
     chart_count = progress.chart_count;
+    stage_fraction = progress.stage_fraction;
     newton_iteration = progress.newton_iteration;
     linear_iterations = progress.linear_iterations;
     if (progress.tolerance > 0) tolerance = progress.tolerance;
@@ -232,7 +246,9 @@ std::string StageText(const JobProgress& progress) {
     return "download " + std::to_string(100 * progress.received_bytes / progress.total_bytes) + " %";
   }
   std::string text = ToString(progress.stage);
-  if (progress.chart_count > 1) {
+  if (progress.stage == Stage::kCharts && progress.stage_fraction > 0) {
+    text += " " + std::to_string(static_cast<int>(100 * progress.stage_fraction)) + " %";
+  } else if (progress.chart_count > 1) {
     text += " " + std::to_string(progress.chart + 1) + "/" + std::to_string(progress.chart_count);
   }
   return text;
@@ -297,9 +313,10 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
       {Mark(progress, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(progress), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
-  if (!progress.residuals.empty()) {
+  // In the end the summary says what came out; how the last chart was solved is of no more use.
+  if (!progress.residuals.empty() && !progress.has_succeeded) {
     std::string residual = Scientific(progress.residuals.back());
-    if (progress.tolerance > 0 && !progress.has_succeeded) {
+    if (progress.tolerance > 0) {
       residual += Colored(terminal, kDim, (terminal.utf8 ? " → " : " -> ") + Scientific(progress.tolerance));
     }
     pieces.push_back({residual, 3});

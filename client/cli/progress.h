@@ -19,7 +19,8 @@ inline constexpr char kCancelling[] = "cancelling";
 // The part of a job's time that is over. A job has four phases: what comes before the first solve; solves, with the
 // rounds of cuts and joins between them; packing; the verifier and what follows. What a phase will take is estimated
 // from what the phases before it took, so that the speed of the machine does not matter, and the first ones from the
-// size of the mesh. Seconds are those of Progress::elapsed_seconds.
+// size of the mesh, until the stage of charts tells how far it is (Progress::stage_fraction). Seconds are those of
+// Progress::elapsed_seconds.
 class WorkEstimate {
  public:
   void OnJob(const Job& job);
@@ -39,6 +40,8 @@ class WorkEstimate {
   UnwrapOptions options_;
   double bytes_ = 0;  // of the mesh as sent
   int phase_ = kCut;
+  // Of kCut: what the stage of charts told last of its part that is done, and when; 0: nothing yet.
+  double charts_began_ = 0, charts_part_ = 0, charts_told_ = 0;
   std::array<double, kPhases> begin_ = {};  // of the phases so far
   Stage stage_ = Stage::kUnspecified;
   // Of kSolve.
@@ -58,6 +61,7 @@ struct JobProgress {
   double tolerance = 0;           // 0: not known yet
   int chart = 0;
   int chart_count = 0;
+  double stage_fraction = 0;   // of the stage that is done; 0: not known
   double elapsed_seconds = 0;  // of the caller's clock, which sets it
   std::int64_t received_bytes = 0;
   std::int64_t total_bytes = 0;

@@ -326,11 +326,11 @@ std::string PackSummary(const Arguments& arguments, const PackOptions& atlas, co
                      (done.mirrored > 0 ? " (" + WithCommas(done.mirrored) + " mirrored)" : "") + " in " +
                      Duration(seconds) + (arguments.output == "-" ? "" : " into " + arguments.output) + ": " +
                      Counted(done.packing.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
-                     Fixed(100 * done.covered, 0) + " % covered, " + Significant(done.packing.padding, 3) +
+                     Fixed(100 * done.covered, 0) + " % of them used, " + Significant(done.packing.padding, 3) +
                      (done.packing.padding == 1 ? " texel" : " texels") + " between islands" +
                      DensityText(arguments, done) + ".\n";
   for (const Warning& warning : warnings) text += "warning: " + warning.message + " [" + warning.reason + "]\n";
-  return PrintableLines(text, true);
+  return ForTerminal(PrintableLines(text, true), StderrTerminal());
 }
 
 Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOptions& atlas, const Repacking& done,

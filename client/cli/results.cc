@@ -43,7 +43,8 @@ Json ProgressJson(const Progress& progress) {
           {"energy", progress.energy},
           {"step_length", progress.step_length},
           {"elapsed_seconds", progress.elapsed.count()},
-          {"tolerance", progress.tolerance}};
+          {"tolerance", progress.tolerance},
+          {"stage_fraction", progress.stage_fraction}};
 }
 
 Json BoundaryJson(const BoundaryReport& boundary) {
@@ -107,9 +108,13 @@ std::string NameOf(const AtlasPart& part, const std::vector<std::string>& names)
 }
 
 Json AtlasJson(const Atlas& atlas, const std::vector<std::string>& names) {
-  Json json = {{"pack", atlas.pack ? "on" : "off"}, {"texture_size", atlas.texture_size},
-               {"padding", atlas.padding},          {"tiles", atlas.tiles},
-               {"effort", ToString(atlas.effort)},  {"texels_per_unit", atlas.texels_per_unit}};
+  Json json = {{"pack", atlas.pack ? "on" : "off"},
+               {"texture_size", atlas.texture_size},
+               {"padding", atlas.padding},
+               {"padding_kept", atlas.padding_kept},
+               {"tiles", atlas.tiles},
+               {"effort", ToString(atlas.effort)},
+               {"texels_per_unit", atlas.texels_per_unit}};
   if (atlas.atlases.empty()) return json;
   json["layout"] = ToString(atlas.layout);
   json["atlases"] = Json::array();
@@ -375,21 +380,25 @@ std::string OutlinesText(const std::vector<ChartReport>& charts) {
 
 std::string AtlasText(const Report& report) {
   const Atlas& atlas = report.atlas;
-  if (report.chart_totals.charts <= 1 && atlas.tiles <= 1) return "";
+  const bool has_neighbours = report.chart_totals.charts > 1;
+  if (!atlas.pack && !has_neighbours) return "";
   if (!atlas.pack) return "Not packed: charts lie one over the other, at the surface's scale.\n";
   const std::string size = WithCommas(atlas.texture_size);
   const bool is_stacked = !atlas.atlases.empty() && atlas.layout == AtlasLayout::kStacked;
   const std::string into = is_stacked ? Counted(static_cast<std::int64_t>(atlas.atlases.size()), "atlas", "atlases") +
                                             " of their own, tiles of "
                                       : Counted(atlas.tiles, "tile", "tiles") + " of ";
-  return "Packed into " + into + size + " x " + size + " texels, " + Fixed(100 * report.quality.packing_efficiency, 0) +
-         " % covered, " + Counted(atlas.padding, "texel", "texels") + " between charts, " +
-         (is_stacked ? "at least " : "") + Significant(atlas.texels_per_unit, 3) + " texels per unit of length.\n";
+  const double kept = atlas.padding_kept;
+  const std::string less = kept < atlas.padding ? " of the " + WithCommas(atlas.padding) + " asked for" : "";
+  const std::string gap = Significant(kept, 3) + (kept == 1 ? " texel" : " texels") + less + " between charts, ";
+  return "Packed into " + into + size + " x " + size + " texels: " + Fixed(100 * report.quality.packing_efficiency, 0) +
+         " % of them used, " + (has_neighbours ? gap : "") + (is_stacked ? "at least " : "") +
+         Significant(atlas.texels_per_unit, 3) + " texels per unit of length.\n";
 }
 
 constexpr std::size_t kMaxListedAtlases = 20;
 
-// "Atlas skin: tile 1002, 12 charts, 61 % covered, 480 texels per unit of length."
+// "Atlas skin: tile 1002, 12 charts, 61 % used, 480 texels per unit of length."
 std::string AtlasesText(const Atlas& atlas, const std::vector<std::string>& names) {
   std::string text;
   for (std::size_t i = 0; i < std::min(atlas.atlases.size(), kMaxListedAtlases); ++i) {
@@ -398,7 +407,7 @@ std::string AtlasesText(const Atlas& atlas, const std::vector<std::string>& name
     const int first = kFirstUdim + part.first_tile, last = first + part.tiles - 1;
     text += "Atlas " + (name.empty() ? std::to_string(part.atlas) : Printable(name, true)) + ": tile" +
             (last > first ? "s " + std::to_string(first) + " to " : " ") + std::to_string(last) + ", " +
-            Counted(part.charts, "chart", "charts") + ", " + Fixed(100 * part.packing_efficiency, 0) + " % covered, " +
+            Counted(part.charts, "chart", "charts") + ", " + Fixed(100 * part.packing_efficiency, 0) + " % used, " +
             Significant(part.texels_per_unit, 3) + " texels per unit of length.\n";
   }
   const auto left_out = static_cast<std::int64_t>(atlas.atlases.size()) - static_cast<std::int64_t>(kMaxListedAtlases);
@@ -435,6 +444,23 @@ std::string ChartsText(const Report& report) {
   return text;
 }
 
+// "Solved in 40 Newton iterations, worst residual 3.0e-12 (uzawa+amg)."
+std::string SolveText(const Report& report) {
+  const ChartTotals& totals = report.chart_totals;
+  return "Solved in " + Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") +
+         ", worst residual " + Scientific(totals.residual.Worst()) + SolversText(report.charts) + ".\n";
+}
+
+std::string StretchText(const Report& report) {
+  const Quality& quality = report.quality;
+  return "Stretch " + Fixed(quality.stretch_l2, 2) + MostStretchedText(report) + "; angles off by " +
+         Fixed(quality.angle_error_mean_deg, 2) + " degrees on average, " + Fixed(quality.angle_error_max_deg, 1) +
+         " at most.\n" +
+         (quality.seam_length > 0
+              ? "Seams are " + Fixed(quality.seam_length, 1) + " times as long as the root of the surface's area.\n"
+              : "");
+}
+
 // What --verbose adds.
 std::string Details(const Report& report) {
   const StageTimes& times = report.times;
@@ -452,8 +478,8 @@ std::string Details(const Report& report) {
   add("verify", times.verify);
   add("encode", times.encode);
   add("download", times.download);
-  return text + ".\nMemory of the worker: " + Megabytes(report.peak_memory_bytes) + " at most, with " +
-         Counted(report.threads, "thread", "threads") + ".\n" + ChartsText(report);
+  return SolveText(report) + text + ".\nMemory of the worker: " + Megabytes(report.peak_memory_bytes) +
+         " at most, with " + Counted(report.threads, "thread", "threads") + ".\n" + ChartsText(report);
 }
 
 // A line each; of many with the same reason the first few, unless `all` are wanted.
@@ -510,32 +536,27 @@ std::string WhyNotUsable(const Report& report) {
   return Join(reasons, " and ");
 }
 
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose,
-                    const std::vector<std::string>& atlas_names) {
+std::string Summary(const Report& report, const SummaryOptions& options, const Terminal& terminal) {
   const ChartTotals& totals = report.chart_totals;
+  const std::string& output = options.output;
+  const std::string start =
+      options.start_seconds > 0 ? " (" + Duration(options.start_seconds) + " to start the private server)" : "";
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
-                     " in " + Duration(report.times.total.count()) +
+                     " in " + Duration(report.times.total.count()) + start +
                      (output.empty() || output == "-" ? "" : " into " + Printable(output, true)) + ": " +
-                     (totals.charts > 1 ? Counted(totals.charts, "chart", "charts") + ", " : "") +
-                     Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") + ", worst residual " +
-                     Scientific(totals.residual.Worst()) + SolversText(report.charts) + ".\n";
+                     Counted(totals.charts, "chart", "charts") + ".\n";
   text += AtlasText(report);
-  text += AtlasesText(report.atlas, atlas_names);
+  text += AtlasesText(report.atlas, options.atlas_names);
+  text += StretchText(report);
   text += OutlinesText(report.charts);
-  const Quality& quality = report.quality;
-  text +=
-      Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
-      Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) +
-      MostStretchedText(report) +
-      (quality.seam_length > 0 ? "; seam length " + Fixed(quality.seam_length, 1) + " (in roots of the area)" : "") +
-      ".\n";
-  if (verbose) text += Details(report);
-  text += WarningsText(report.warnings, verbose, terminal);
+  text += Validity(report.quality) + ".\n";
+  if (options.verbose) text += Details(report);
+  text += WarningsText(report.warnings, options.verbose, terminal);
   if (const std::string why = WhyNotUsable(report); !why.empty()) {
     text += Colored(terminal, "\x1b[31m", "planish: not usable:") + " " + why +
             (output.empty() ? "" : "; it was written all the same, for you to look at") + "\n";
   }
-  return text;
+  return ForTerminal(text, terminal);
 }
 
 std::string ErrorText(const Error& error, const std::string& places, const Terminal& terminal) {
@@ -545,7 +566,7 @@ std::string ErrorText(const Error& error, const std::string& places, const Termi
   if (!places.empty()) text += "  at " + Printable(places, true) + "\n";
   if (!error.job().empty()) text += "  job " + Printable(error.job(), true) + "\n";
   if (const std::string hint = Hint(error); !hint.empty()) text += "  hint: " + hint + "\n";
-  return text;
+  return ForTerminal(text, terminal);
 }
 
 }  // namespace planish::cli

@@ -46,12 +46,17 @@ struct Failure {
 Failure FailureOf(const Error& error);
 Json ReportJson(const Failure& failure);
 
-// Two to four lines about result and quality, for any number of charts; a line for each of several atlases, up to 20;
-// the first few warnings of each kind; and, if
-// the result is not usable, why. `output` is the file that was written; empty if none. `verbose`: also the seconds of
-// each stage, memory, the largest charts, and every warning.
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose = false,
-                    const std::vector<std::string>& atlas_names = {});
+struct SummaryOptions {
+  std::string output = "";                    // the file that was written; empty: none
+  bool verbose = false;                       // also how it was solved, and every warning
+  double start_seconds = 0;                   // of the total: until a private server was there; 0: there was none
+  std::vector<std::string> atlas_names = {};  // by number
+};
+
+// What came out, for people: charts, texture, stretch, seams and faults, in a few lines for any number of charts; a
+// line for each of several atlases, up to 20; the first few warnings of each kind; and, if the result is not usable,
+// why. With `verbose` also Newton's method, the seconds of each stage, memory and the largest charts.
+std::string Summary(const Report& report, const SummaryOptions& options, const Terminal& terminal);
 
 // Why the result is not usable; empty if it is.
 std::string WhyNotUsable(const Report& report);

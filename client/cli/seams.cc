@@ -1,9 +1,7 @@
 #include "client/cli/seams.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
-#include <fstream>
 #include <numeric>
 #include <optional>
 #include <sstream>
@@ -207,8 +205,9 @@ std::vector<std::int32_t> PolygonEdges::ListedIn(const std::string& path) const 
   if (file_.format == MeshFormat::kStl) {
     Malformed(path, 0, "the vertices of an STL have no numbers, so their edges cannot be listed");
   }
-  std::ifstream stream(path);
-  if (!stream) throw ErrorFrom(FileUnreadable(path, "cannot read the list of seams", errno));
+  const absl::StatusOr<std::string> text = ReadWholeFile(path);
+  if (!text.ok()) throw ErrorFrom(text.status());
+  std::istringstream stream(*text);
   const std::int64_t first = file_.format == MeshFormat::kObj ? 1 : 0;
   const std::int64_t last = static_cast<std::int64_t>(file_.mesh.positions.size()) - 1 + first;
   std::vector<std::int32_t> corners;
@@ -283,7 +282,7 @@ std::vector<std::int32_t> SeamCorners(const MeshFile& file, const Triangulation&
     throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
                 std::string("--seams=") + source + ": " + file.path + " has no " + what, {{"field", "seams"}});
   };
-  require(list.uv, !file.mesh.corner_texcoord.empty(), "uv", "UV");
+  require(list.uv && !list.uv_is_optional, !file.mesh.corner_texcoord.empty(), "uv", "UV");
   require(list.materials, !file.mesh.polygon_material.empty(), "materials", "materials");
   require(list.groups, !file.mesh.polygon_group.empty(), "groups", "objects or groups");
 

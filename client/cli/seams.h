@@ -17,6 +17,7 @@ struct SeamList {
   Seams policy = Seams::kAuto;
   double hard_edge_degrees = 0;          // 0: none
   bool uv = false;                       // borders of the file's UV islands
+  bool uv_is_optional = false;           // a file without UV has no such edges; nobody asked for them by name
   bool materials = false;                // edges between faces of different materials
   bool groups = false;                   // edges between faces of different objects or groups
   std::vector<std::string> edge_files;   // of two vertex numbers per line

@@ -173,7 +173,7 @@ void PrintJob(const Job& job) {
     if (job.create_time && job.end_time) {
       report.times.total = *job.end_time - *job.create_time;
     }
-    std::cout << "\n" << Summary(report, "", Terminal());
+    std::cout << "\n" << Summary(report, {}, Terminal());
   }
   std::cout << std::flush;
 }

@@ -14,6 +14,7 @@
 
 #include "client/cli/commands.h"
 #include "client/cli/text.h"
+#include "core/base/timer.h"
 
 namespace planish::cli {
 
@@ -93,7 +94,9 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
     options.workers = needs.workers;
     options.threads = needs.threads;
     interrupts.SetCancel([] {});  // until there are last words
+    const Timer timer;
     private_server_.emplace(options);
+    start_seconds_ = timer.Seconds();
     // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;

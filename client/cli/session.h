@@ -72,11 +72,14 @@ class ServerChoice {
   Client& client() { return *client_; }
   // For --verbose: "Server farm:7741: planishd 0.1.0, 4 workers, 8 threads a job". Asks the server.
   std::string Description();
+  // Until a private server was ready; 0 if --server names the server.
+  double start_seconds() const { return start_seconds_; }
   // Null if --server names the server.
   const PrivateServer* private_server() const { return private_server_ ? &*private_server_ : nullptr; }
 
  private:
   const std::string address_;
+  double start_seconds_ = 0;
   Interrupts& interrupts_;
   std::optional<PrivateServer> private_server_;
   std::optional<Client> client_;

@@ -110,6 +110,34 @@ std::string CutToWidth(const std::string& text, int columns, bool utf8) {
   return ellipsis + text.substr(begin);
 }
 
+std::string Wrapped(const std::string& text, int columns) {
+  constexpr char kIndent[] = "  ";
+  std::string wrapped;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string line;  // what is not written yet
+    bool has_word = false;
+    for (std::size_t at = begin; at < end;) {
+      // Blanks and the word behind them.
+      const std::size_t word = std::min(text.find_first_not_of(' ', at), end);
+      const std::size_t next = std::min(text.find(' ', word), end);
+      const std::string piece = text.substr(at, next - at);
+      if (has_word && DisplayWidth(line) + DisplayWidth(piece) > columns) {
+        wrapped += line + "\n";
+        line = kIndent + text.substr(word, next - word);
+      } else {
+        line += piece;
+      }
+      has_word = true;
+      at = next;
+    }
+    wrapped += line;
+    if (end < text.size()) wrapped += '\n';
+    begin = end + 1;
+  }
+  return wrapped;
+}
+
 std::string Padded(const std::string& text, int columns, bool right) {
   const std::string spaces(static_cast<std::size_t>(std::max(0, columns - DisplayWidth(text))), ' ');
   return right ? spaces + text : text + spaces;
@@ -146,7 +174,11 @@ std::string Fixed(double number, int digits) {
 }
 
 std::string Significant(double number, int digits) {
-  return Format("%.*g", digits, number);
+  constexpr double kMostWritten = 1e7;
+  const std::string text = Format("%.*g", digits, number);
+  const double rounded = std::strtod(text.c_str(), nullptr);
+  const bool is_large = std::abs(rounded) >= std::pow(10.0, digits) && std::abs(rounded) < kMostWritten;
+  return is_large ? Format("%.*f", 0, rounded) : text;
 }
 
 std::string Duration(double seconds) {
@@ -205,6 +237,10 @@ Terminal StderrTerminal() {
     if (size.ws_row > 0) terminal.height = size.ws_row;
   }
   return terminal;
+}
+
+std::string ForTerminal(const std::string& text, const Terminal& terminal) {
+  return terminal.is_tty ? Wrapped(text, terminal.width) : text;
 }
 
 std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {

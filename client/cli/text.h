@@ -22,6 +22,10 @@ std::string PrintableLines(const std::string& text, bool utf8);
 // `text`, which has no colour codes; if it is wider than `columns`, an ellipsis and the end of it.
 std::string CutToWidth(const std::string& text, int columns, bool utf8);
 
+// `text` with its lines broken between words, so that none is wider than `columns` unless a word is. What is broken off
+// is indented by two columns.
+std::string Wrapped(const std::string& text, int columns);
+
 // `text` filled with spaces to `columns`, behind it or, with `right`, before it.
 std::string Padded(const std::string& text, int columns, bool right = false);
 
@@ -30,7 +34,7 @@ std::string Padded(const std::string& text, int columns, bool right = false);
 std::string WithCommas(std::int64_t number);         // "23,062"
 std::string Scientific(double number);               // "3.2e-05"
 std::string Fixed(double number, int digits);        // "1.25"
-std::string Significant(double number, int digits);  // "3.02e+07", "341", "0.0125"
+std::string Significant(double number, int digits);  // "3.02e+07", "30200", "341", "0.0125"
 std::string Duration(double seconds);                // "0.42 s", "12.3 s", "3:05", "1:02:09"
 std::string Megabytes(std::int64_t bytes);           // "0.3 MB", "1,204 MB"
 std::string Counted(std::int64_t count, const std::string& one, const std::string& many);  // "1 face", "2,000 faces"
@@ -51,6 +55,9 @@ Terminal StderrTerminal();
 
 // kAuto: colours on a terminal that can show them, unless $NO_COLOR is set.
 enum class ColorMode { kAuto, kAlways, kNever };
+
+// Text of whole lines as this terminal shows it best: broken between words. Pipes and files get it as it is.
+std::string ForTerminal(const std::string& text, const Terminal& terminal);
 
 // Decides for the whole process. main() calls it before anything is printed in colour.
 void SetColorMode(ColorMode mode);

@@ -40,6 +40,8 @@ class ResultCommand {
   }
 
   const UnwrapFiles& files() const { return *files_; }
+  // Starting a private server has taken so long.
+  void SetStart(double seconds) { start_seconds_ = seconds; }
 
   double Seconds() const { return timer_.Seconds(); }
 
@@ -61,11 +63,14 @@ class ResultCommand {
     result.report.times.total = planish::Seconds(timer_.Seconds());
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, arguments).html);
     if (!arguments.quiet || !result.IsUsable()) {
-      std::cerr << Summary(result.report, arguments.output, StderrTerminal(), arguments.verbose, files_->atlas_names());
+      const SummaryOptions summary = {arguments.output, arguments.verbose, start_seconds_, files_->atlas_names()};
+      std::cerr << Summary(result.report, summary, StderrTerminal());
     }
     if (arguments.json) {
       const std::string output = arguments.output == "-" ? "" : arguments.output;
-      std::cout << ToText(ReportJson(result, result.report, output, files_->atlas_names())) << std::flush;
+      Json json = ReportJson(result, result.report, output, files_->atlas_names());
+      if (start_seconds_ > 0) json["seconds"]["start"] = start_seconds_;
+      std::cout << ToText(json) << std::flush;
     }
     return result.IsUsable() ? kOk : kFailed;
   }
@@ -101,6 +106,7 @@ class ResultCommand {
  private:
   const Arguments& arguments_;
   Timer timer_;
+  double start_seconds_ = 0;
   std::optional<UnwrapFiles> files_;
 };
 
@@ -147,6 +153,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     ServerNeeds needs;
     needs.threads = arguments.options.threads;
     ServerChoice server(arguments.server, arguments.server_flags, interrupts, needs);
+    command.SetStart(server.start_seconds());
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
     call_options.labels = JobLabels(arguments, file_name);
@@ -221,7 +228,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
         report.times.total = *job.end_time - *job.create_time;
       }
       const bool usable = WhyNotUsable(report).empty();
-      if (!arguments.quiet || !usable) std::cerr << Summary(report, "", StderrTerminal(), arguments.verbose);
+      if (!arguments.quiet || !usable) std::cerr << Summary(report, {.verbose = arguments.verbose}, StderrTerminal());
       return usable ? kOk : kFailed;
     }
     return kFailed;

@@ -4,7 +4,6 @@
 #include <bit>
 #include <cstring>
 
-#include "core/base/error.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
@@ -31,15 +30,6 @@ absl::StatusOr<View> OpenView(const GltfDocument& document, const Json& index, c
                            GltfIndex(document, index, user, static_cast<std::int64_t>(views->size())));
   const Json& view = (*views)[static_cast<std::size_t>(i)];
   const std::string element = "bufferViews[" + std::to_string(i) + "]";
-  if (const Json* const extensions = GltfObject(view, "extensions")) {
-    for (const char* hidden : {"KHR_meshopt_compression"}) {
-      if (!extensions->contains(hidden)) continue;
-      return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
-                       document.path + ": " + element + ": " + hidden +
-                           " cannot be read; write the file without that compression first",
-                       {{"path", document.path}, {"element", element}});
-    }
-  }
   PLANISH_ASSIGN_OR_RETURN(const std::int64_t buffer,
                            GltfInt(document, view, element, "buffer", 0,
                                    static_cast<std::int64_t>(document.buffers.size()) - 1, std::nullopt));

@@ -108,23 +108,6 @@ absl::Status CheckVersion(const GltfDocument& document) {
   return absl::OkStatus();
 }
 
-// Extensions that hide the bytes of vertices from those who do not know them. Draco we know, and
-// EXT_meshopt_compression.
-absl::Status CheckRequired(const GltfDocument& document) {
-  for (const char* hidden : {"KHR_meshopt_compression"}) {
-    const auto required = document.json.find("extensionsRequired");
-    if (required == document.json.end() || !required->is_array()) continue;
-    for (const Json& name : *required) {
-      if (name != hidden) continue;
-      return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
-                       document.path + ": extensionsRequired: " + hidden +
-                           " cannot be read; write the file without that compression first",
-                       {{"path", document.path}, {"element", "extensionsRequired"}});
-    }
-  }
-  return absl::OkStatus();
-}
-
 absl::Status LoadBuffers(const std::optional<std::string_view>& binary, GltfDocument* document) {
   PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(*document, "buffers"));
   for (std::size_t i = 0; i < buffers->size(); ++i) {
@@ -174,7 +157,6 @@ absl::StatusOr<GltfDocument> ParseGltf(const std::string& path, std::string_view
   PLANISH_ASSIGN_OR_RETURN(document.json, ParseJson(path, container.json));
   document.indent = IndentOf(container.json);
   PLANISH_RETURN_IF_ERROR(CheckVersion(document));
-  PLANISH_RETURN_IF_ERROR(CheckRequired(document));
   PLANISH_RETURN_IF_ERROR(LoadBuffers(container.binary, &document));
   PLANISH_RETURN_IF_ERROR(DecompressMeshopt(&document));
   return document;

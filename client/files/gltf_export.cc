@@ -7,6 +7,7 @@
 #include "client/files/gltf_document.h"
 #include "client/files/writers.h"
 #include "core/base/corner_split.h"
+#include "core/mesh/local_origin.h"
 
 namespace planish {
 namespace {
@@ -25,11 +26,16 @@ void AppendFloat(double value, std::string* bytes) {
 class GltfExport {
  public:
   GltfExport(const PolygonMesh& mesh, const std::vector<double>& uv, int texcoord)
-      : mesh_(mesh), triangles_(Triangulate(mesh)), uv_(uv), texcoord_(texcoord) {
+      : mesh_(mesh),
+        triangles_(Triangulate(mesh)),
+        origin_(LocalOrigin(triangles_.mesh.positions)),
+        uv_(uv),
+        texcoord_(texcoord) {
     json_["asset"] = {{"version", "2.0"}, {"generator", "planish"}};
   }
 
-  // One mesh and node a group, one primitive a material in it.
+  // One mesh and node a group, one primitive a material in it. Positions are floats: the nodes move those of a mesh far
+  // from the origin to where they belong.
   void Build() {
     std::map<std::int32_t, std::map<std::int32_t, std::vector<std::size_t>>> faces;
     for (std::size_t f = 0; f < triangles_.mesh.faces.size(); ++f) {
@@ -47,6 +53,7 @@ class GltfExport {
       Json mesh = {{"primitives", std::move(primitives)}};
       Json node = {{"mesh", meshes.size()}};
       if (group >= 0) mesh["name"] = node["name"] = mesh_.group_names[static_cast<std::size_t>(group)];
+      if (!origin_.isZero(0)) node["translation"] = {origin_.x(), origin_.y(), origin_.z()};
       roots.push_back(nodes.size());
       meshes.push_back(std::move(mesh));
       nodes.push_back(std::move(node));
@@ -95,7 +102,8 @@ class GltfExport {
     least.fill(std::numeric_limits<float>::infinity());
     most.fill(-std::numeric_limits<float>::infinity());
     for (const std::int32_t source : split.source) {
-      const Vec3& p = triangles_.mesh.positions[static_cast<std::size_t>(vertices[static_cast<std::size_t>(source)])];
+      const Vec3 p =
+          triangles_.mesh.positions[static_cast<std::size_t>(vertices[static_cast<std::size_t>(source)])] - origin_;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const float value = static_cast<float>(p[static_cast<int>(axis)]);
         least[axis] = std::min(least[axis], value);
@@ -140,6 +148,7 @@ class GltfExport {
 
   const PolygonMesh& mesh_;
   const Triangulation triangles_;
+  const Vec3 origin_;
   const std::vector<double>& uv_;
   const int texcoord_;
   Json json_;

@@ -3,16 +3,27 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "core/base/error.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
 namespace {
 
+constexpr std::array<const char*, 2> kExtensions = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 constexpr std::int64_t kViewAlignment = 8;
+// The first bytes of the streams that meshoptimizer 0.18 decodes, without the version in their low half, and the latest
+// of these versions.
+struct Codec {
+  const char* mode;
+  unsigned char header, version;
+};
+constexpr std::array<Codec, 3> kCodecs = {{{"ATTRIBUTES", 0xa0, 0}, {"TRIANGLES", 0xe0, 1}, {"INDICES", 0xd0, 1}}};
 // Two bits stand for 16 bytes at best, so that a small file cannot ask for much memory.
 constexpr std::int64_t kMostPerByte = 64;
 
@@ -24,7 +35,7 @@ struct Compressed {
 
 bool HasRightStride(const Compressed& view) {
   if (view.mode != "ATTRIBUTES") return view.stride == 2 || view.stride == 4;
-  if (view.filter == "OCTAHEDRAL") return view.stride == 4 || view.stride == 8;
+  if (view.filter == "OCTAHEDRAL" || view.filter == "COLOR") return view.stride == 4 || view.stride == 8;
   if (view.filter == "QUATERNION") return view.stride == 8;
   return view.stride % 4 == 0;
 }
@@ -52,8 +63,8 @@ absl::StatusOr<Compressed> ReadView(const GltfDocument& document, const Json& js
   if (view.mode != "ATTRIBUTES" && view.mode != "TRIANGLES" && view.mode != "INDICES") {
     return GltfFault(document, element + ".mode", "must be ATTRIBUTES, TRIANGLES or INDICES");
   }
-  const bool is_known = view.filter == "NONE" || view.filter == "OCTAHEDRAL" || view.filter == "QUATERNION" ||
-                        view.filter == "EXPONENTIAL";
+  const bool is_known = view.filter == "NONE" || view.filter == "COLOR" || view.filter == "OCTAHEDRAL" ||
+                        view.filter == "QUATERNION" || view.filter == "EXPONENTIAL";
   if (!is_known || (view.mode != "ATTRIBUTES" && view.filter != "NONE")) {
     return GltfFault(document, element + ".filter", "must be NONE, or for ATTRIBUTES one that the extension names");
   }
@@ -62,6 +73,27 @@ absl::StatusOr<Compressed> ReadView(const GltfDocument& document, const Json& js
     return GltfFault(document, element + ".count", "no whole number of triangles");
   }
   return view;
+}
+
+// Whether the stream has a version or a filter that is too new for meshoptimizer 0.18.
+bool IsTooNew(const GltfDocument& document, const Compressed& view) {
+  if (view.filter == "COLOR") return true;
+  if (view.length == 0) return false;
+  const std::string& buffer = document.buffers[static_cast<std::size_t>(view.buffer)];
+  const auto first = static_cast<unsigned char>(buffer[static_cast<std::size_t>(view.offset)]);
+  return std::any_of(kCodecs.begin(), kCodecs.end(), [&](const Codec& codec) {
+    return view.mode == codec.mode && (first & 0xf0) == codec.header && (first & 0x0f) > codec.version;
+  });
+}
+
+// Whether the file holds the bytes of this view uncompressed as well.
+bool HasFallback(const GltfDocument& document, const Json& view, const std::string& name) {
+  const auto required = document.json.find("extensionsRequired");
+  const bool is_required = required != document.json.end() && required->is_array() &&
+                           std::find(required->begin(), required->end(), Json(name)) != required->end();
+  const auto buffer = view.find("buffer");
+  return !is_required && buffer != view.end() && buffer->is_number_unsigned() &&
+         buffer->get<std::size_t>() < document.buffers.size() && !document.buffers[buffer->get<std::size_t>()].empty();
 }
 
 absl::StatusOr<std::string> Decompress(const GltfDocument& document, const Compressed& view,
@@ -87,47 +119,63 @@ absl::StatusOr<std::string> Decompress(const GltfDocument& document, const Compr
 }
 
 // Takes the extension out of an object of the document.
-void TakeOut(Json* object) {
+void TakeOut(const char* name, Json* object) {
   if (GltfObject(*object, "extensions") == nullptr) return;
   Json& extensions = (*object)["extensions"];
-  extensions.erase(kMeshoptExtension);
+  extensions.erase(name);
   if (extensions.empty()) object->erase("extensions");
 }
 
-}  // namespace
-
-absl::Status DecompressMeshopt(GltfDocument* document) {
+absl::Status DecompressViews(const char* name, GltfDocument* document) {
   PLANISH_ASSIGN_OR_RETURN(const Json* views, GltfArray(*document, "bufferViews"));
   PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(*document, "buffers"));
   std::string decoded;
   bool any = false;
   for (std::size_t i = 0; i < views->size(); ++i) {
     const Json* const extensions = GltfObject((*views)[i], "extensions");
-    const Json* const json = extensions == nullptr ? nullptr : GltfObject(*extensions, kMeshoptExtension);
+    const Json* const json = extensions == nullptr ? nullptr : GltfObject(*extensions, name);
     if (json == nullptr) continue;
     any = true;
-    const std::string element = "bufferViews[" + std::to_string(i) + "].extensions." + kMeshoptExtension;
+    const std::string element = "bufferViews[" + std::to_string(i) + "].extensions." + name;
     PLANISH_ASSIGN_OR_RETURN(const Compressed compressed, ReadView(*document, *json, element));
+    Json& view = document->json["bufferViews"][i];
+    if (IsTooNew(*document, compressed)) {
+      if (HasFallback(*document, view, name)) {
+        TakeOut(name, &view);
+        continue;
+      }
+      return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
+                       document->path + ": " + element +
+                           ": this stream is of a newer version than meshoptimizer 0.18 can decode; gltfpack -noq -i " +
+                           "IN.glb -o OUT.glb, of the version that wrote it, makes a file without compression",
+                       {{"path", document->path}, {"element", element}});
+    }
     PLANISH_ASSIGN_OR_RETURN(const std::string bytes, Decompress(*document, compressed, element));
     decoded.resize((decoded.size() + kViewAlignment - 1) / kViewAlignment * kViewAlignment, '\0');
-    Json& view = document->json["bufferViews"][i];
-    TakeOut(&view);
+    TakeOut(name, &view);
     view["buffer"] = buffers->size();
     view["byteOffset"] = decoded.size();
     view["byteLength"] = bytes.size();
     decoded += bytes;
   }
   if (!any) return absl::OkStatus();
-  for (Json& buffer : document->json["buffers"]) TakeOut(&buffer);
+  for (Json& buffer : document->json["buffers"]) TakeOut(name, &buffer);
   document->json["buffers"].push_back({{"byteLength", decoded.size()}});
   document->num_bytes += static_cast<std::int64_t>(decoded.size());
   document->buffers.push_back(std::move(decoded));
   for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
     const auto names = document->json.find(key);
     if (names == document->json.end() || !names->is_array()) continue;
-    names->erase(std::remove(names->begin(), names->end(), Json(kMeshoptExtension)), names->end());
+    names->erase(std::remove(names->begin(), names->end(), Json(name)), names->end());
     if (names->empty()) document->json.erase(key);
   }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status DecompressMeshopt(GltfDocument* document) {
+  for (const char* name : kExtensions) PLANISH_RETURN_IF_ERROR(DecompressViews(name, document));
   return absl::OkStatus();
 }
 

@@ -1,4 +1,5 @@
-// EXT_meshopt_compression, which gltfpack writes. Used inside client/files only.
+// EXT_meshopt_compression and its successor KHR_meshopt_compression, which gltfpack writes. Used inside client/files
+// only.
 #pragma once
 
 #include "absl/status/status.h"
@@ -6,10 +7,10 @@
 
 namespace planish {
 
-inline constexpr char kMeshoptExtension[] = "EXT_meshopt_compression";
-
 // Decompresses the views of `document`, whose buffers were loaded, into a buffer behind the others, and takes every
-// trace of the extension out of the JSON: what is written later is not compressed. FILE_MALFORMED (metadata "element").
+// trace of the extensions out of the JSON: what is written later is not compressed. Streams of the successor's own
+// version and its filter COLOR are beyond meshoptimizer 0.18: a view that has them is read from the buffer that the
+// file holds for others, if there is one. FILE_MALFORMED, FILE_UNSUPPORTED (metadata "element").
 absl::Status DecompressMeshopt(GltfDocument* document);
 
 }  // namespace planish

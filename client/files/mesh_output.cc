@@ -8,6 +8,7 @@
 #include "client/files/writers.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/local_origin.h"
 
 namespace planish {
 namespace {
@@ -25,6 +26,14 @@ absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr
   WrittenMesh written;
   written.files.push_back({options.path, *std::move(bytes)});
   return written;
+}
+
+// Draco has floats and no place for a translation.
+void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* warnings) {
+  if (LocalOrigin(mesh.positions).isZero(0)) return;
+  warnings->push_back({"POSITION_PRECISION",
+                       "the mesh lies too far from the origin for the floats of .drc, which round its positions; .glb, "
+                       ".ply, .obj and .off keep them"});
 }
 
 absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon_uv, const OutputOptions& options) {
@@ -48,8 +57,11 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
     case MeshFormat::kOff:
       return OneFile(options,
                      is_own ? WriteOff(file, written, options.uv_is_float) : PlainOff(mesh, uv, options.uv_is_float));
-    case MeshFormat::kDraco:
-      return OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(mesh, uv));
+    case MeshFormat::kDraco: {
+      absl::StatusOr<WrittenMesh> draco = OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(mesh, uv));
+      if (draco.ok() && !is_own) WarnOfFarPositions(file.mesh, &draco->warnings);
+      return draco;
+    }
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
       return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(mesh, uv, options);
@@ -68,9 +80,9 @@ absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
       const std::string name = "TEXCOORD_" + std::to_string(n);
       if (attributes.contains(name)) continue;
       return Unsupported(file.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
-                         std::to_string(primitive.primitive) + "] has no " + name + ", so that TEXCOORD_" +
+                         std::to_string(primitive.primitive) + "] has no " + name + ", and glTF allows no TEXCOORD_" +
                          std::to_string(texcoord) +
-                         " would leave a gap, which glTF forbids; use --output-texcoord=" + std::to_string(n));
+                         " without it; make that one first, with --output-texcoord=" + std::to_string(n));
     }
   }
   return absl::OkStatus();

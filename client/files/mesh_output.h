@@ -26,6 +26,7 @@ struct OutputFile {
 struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material are read with the UV that were
   // replaced, and do not fit the new ones. TANGENTS_DROPPED: tangents belonged to the UV that were replaced.
+  // POSITION_PRECISION: rounding to float moved vertices of a mesh far from the origin.
   std::string reason;
   std::string message;  // a sentence for people
 };
@@ -48,7 +49,8 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 //   OBJ     as WriteObjWithUv (mesh_file.h).
 //   PLY     encoding, elements, properties, comments. Where faces have a list "texcoord" it is rewritten; otherwise
 //           vertices get "s" and "t", in place of any UV they had, and those with several UV become several vertices:
-//           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others.
+//           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others;
+//           comments tell readers of ours which they are (seam_copies.h), and they go when the file is written again.
 //   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; all else on their lines stays.
 //   glTF    everything; TEXCOORD_n of the primitives (replaced if there), whose vertices are split like those of PLY
 //           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:

@@ -50,7 +50,7 @@ class ObjReader {
         PLANISH_RETURN_IF_ERROR(ReadVertex(tokens));
       } else if (keyword == "vt") {
         PLANISH_RETURN_IF_ERROR(ReadTexcoord(tokens));
-      } else if (keyword == "f") {
+      } else if (IsObjFace(keyword)) {
         PLANISH_RETURN_IF_ERROR(ReadFace(tokens));
       } else if (keyword == "usemtl") {
         materials_.Enter(RestOf(tokens));

@@ -53,6 +53,11 @@ class ObjTokens {
   std::size_t end_;
 };
 
+// Whether a statement with this keyword is a face: "fo" is what "f" was called before version 3 of the format.
+inline bool IsObjFace(std::string_view keyword) {
+  return keyword == "f" || keyword == "fo";
+}
+
 // A corner of an f or l statement, as bytes: "v", "v/vt", "v//vn" or "v/vt/vn".
 struct ObjCorner {
   std::string_view vertex;

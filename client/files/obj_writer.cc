@@ -94,14 +94,14 @@ std::size_t UvOffset(std::string_view text) {
     const std::string_view keyword = Keyword(text, statement);
     if (keyword == "vt") return statement.begin;
     if (keyword == "v" || keyword == "vn") behind_vertices = statement.next;
-    if (keyword == "f") return behind_vertices == std::string_view::npos ? statement.begin : behind_vertices;
+    if (IsObjFace(keyword)) return behind_vertices == std::string_view::npos ? statement.begin : behind_vertices;
   }
   return text.size();
 }
 
-// Whether corners of this element other than f may refer to vt.
+// Whether corners of this element, which is no face, may refer to vt.
 bool MayReferToUv(std::string_view keyword) {
-  return keyword == "l" || keyword == "fo" || keyword == "p" || keyword == "surf";
+  return keyword == "l" || keyword == "p" || keyword == "surf";
 }
 
 class ObjWriter {
@@ -125,7 +125,7 @@ class ObjWriter {
       if (keyword == "vt") {
         CopyUntil(statement.begin);
         copied_ = statement.next;
-      } else if (keyword == "f") {
+      } else if (IsObjFace(keyword)) {
         WriteFace(statement);
       } else if (MayReferToUv(keyword)) {
         RewriteCorners(statement, false);

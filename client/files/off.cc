@@ -1,10 +1,13 @@
 // OFF files, read and written.
+#include <algorithm>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/files/file_io.h"
 #include "client/files/polygon_mesh.h"
 #include "client/files/readers.h"
+#include "client/files/seam_copies.h"
 #include "client/files/text_cursor.h"
 #include "client/files/writers.h"
 #include "core/base/corner_split.h"
@@ -42,6 +45,22 @@ absl::StatusOr<OffKeyword> ReadOffKeyword(TextCursor& cursor) {
   result.has_uv = variant.find("ST") != std::string_view::npos;
   if (cursor.Peek() == "BINARY") return cursor.Fault("binary OFF is not supported; save it as text, or as PLY");
   return result;
+}
+
+// The lines of a text, without their ends.
+std::vector<std::string_view> LinesOf(std::string_view text) {
+  std::vector<std::string_view> lines;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find_first_of("\r\n"), text.size());
+    lines.push_back(text.substr(0, end));
+    text.remove_prefix(end + (text.substr(end, 2) == "\r\n" ? 2 : end < text.size() ? 1 : 0));
+  }
+  return lines;
+}
+
+// Whether the line is a comment that planish has left (seam_copies.h).
+bool IsMarkLine(std::string_view line) {
+  return line.starts_with("#") && IsSeamMark(line.substr(1));
 }
 
 absl::Status ReadCount(TextCursor& cursor, const char* kind, std::int64_t* count) {
@@ -88,6 +107,11 @@ absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view te
   if (text.empty()) return FileMalformed(path, 0, "the file is empty");
   TextCursor cursor(path, text, 1, true);
   PLANISH_ASSIGN_OR_RETURN(const OffKeyword keyword, ReadOffKeyword(cursor));
+  std::vector<std::string_view> marks;
+  for (const std::string_view line :
+       LinesOf(text.substr(0, static_cast<std::size_t>(cursor.Peek().data() - text.data())))) {
+    if (IsMarkLine(line)) marks.push_back(line.substr(1));
+  }
   std::int64_t vertices = 0;
   std::int64_t faces = 0;
   PLANISH_RETURN_IF_ERROR(ReadCount(cursor, "vertices", &vertices));
@@ -123,6 +147,7 @@ absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view te
   if (!keyword.has_uv) return mesh;
   for (const std::int32_t vertex : mesh.corner_vertex) mesh.corner_texcoord.push_back(vertex_texcoord[vertex]);
   mesh.texcoords = texcoords.TakeValues();
+  JoinSeamVertices(marks, &mesh);
   return mesh;
 }
 
@@ -148,6 +173,11 @@ class TextEditor {
     done_ = offset;
   }
   void Skip(std::size_t offset) { done_ = offset; }
+  // Skips the end of a line, if there is one here.
+  void SkipLineEnd() {
+    const std::string_view rest = text_.substr(done_);
+    done_ += rest.starts_with("\r\n") ? 2 : rest.starts_with("\n") || rest.starts_with("\r") ? 1 : 0;
+  }
   void Insert(std::string_view text) { out_ += text; }
   void Replace(std::string_view token, std::string_view text) {
     const std::size_t begin = OffsetOf(token);
@@ -156,6 +186,7 @@ class TextEditor {
     done_ = begin + token.size();
   }
   std::size_t OffsetOf(std::string_view token) const { return static_cast<std::size_t>(token.data() - text_.data()); }
+  std::size_t done() const { return done_; }
   std::string& out() { return out_; }
 
  private:
@@ -185,11 +216,15 @@ class OffWriter {
       const std::size_t letters = keyword.token.size() - keyword.letters;
       edit_.Replace(keyword.token.substr(letters, 0), "ST");
     }
-    edit_.Replace(cursor_.Token(), std::to_string(split_.num_vertices()));
+    const std::string_view count = cursor_.Token();
+    std::int64_t old_vertices = 0;
+    ParseInt(count, &old_vertices);
+    WriteMarks(count);
+    edit_.Replace(count, std::to_string(split_.num_vertices()));
     const std::string_view faces = cursor_.Token();
     if (!written_.torn.empty()) edit_.Replace(faces, std::to_string(written_.mesh.num_polygons()));
     cursor_.SkipLine();
-    WriteVertices();
+    WriteVertices(static_cast<std::size_t>(old_vertices));
     std::size_t corner = 0;
     auto torn = written_.torn.begin();
     for (std::int64_t p = 0; p < file_.mesh.num_polygons(); ++p) {
@@ -234,7 +269,25 @@ class OffWriter {
     cursor_.SkipLine();
   }
 
-  void WriteVertices() {
+  // In place of old marks: what stands before the number of vertices, which is `count`.
+  void WriteMarks(std::string_view count) {
+    const std::size_t end = edit_.OffsetOf(count);
+    const std::string_view before = std::string_view(file_.bytes).substr(edit_.done(), end - edit_.done());
+    for (const std::string_view line : LinesOf(before)) {
+      if (!IsMarkLine(line)) continue;
+      edit_.CopyUntil(edit_.OffsetOf(line));
+      edit_.Skip(edit_.OffsetOf(line) + line.size());
+      edit_.SkipLineEnd();
+    }
+    edit_.CopyUntil(end);
+    const std::vector<std::string> marks = SeamMarks(file_.mesh, split_);
+    if (marks.empty()) return;
+    if (!edit_.out().empty() && edit_.out().back() != '\n' && edit_.out().back() != '\r') edit_.Insert("\n");
+    for (const std::string& mark : marks) edit_.Insert("# " + mark + "\n");
+  }
+
+  // The file has `old_count` of them, the last of which may be copies that are left out.
+  void WriteVertices(std::size_t old_count) {
     const std::size_t count = file_.mesh.positions.size();
     std::vector<std::string> old(count);
     std::size_t line_end = 0;
@@ -254,8 +307,13 @@ class OffWriter {
       cursor_.SkipLine();
       line_end = file_.bytes.size() - static_cast<std::size_t>(cursor_.remaining());
     }
-    if (count == split_.source.size()) return;
+    if (count == split_.source.size() && count == old_count) return;
     edit_.CopyUntil(line_end);
+    for (std::size_t v = count; v < old_count; ++v) {
+      for (int axis = 0; axis < 3; ++axis) cursor_.Token();
+      cursor_.SkipLine();
+      edit_.Skip(file_.bytes.size() - static_cast<std::size_t>(cursor_.remaining()));
+    }
     for (std::size_t v = count; v < split_.source.size(); ++v) {
       edit_.Insert("\n" + old[static_cast<std::size_t>(split_.source[v])] + Uv(v));
     }
@@ -280,16 +338,15 @@ class OffWriter {
 }  // namespace
 
 absl::StatusOr<std::string> WriteOff(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
-  const CornerSplit split = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()),
-                                         written.mesh.corner_vertex, written.corner_uv);
+  const CornerSplit split = SplitForFile(written.mesh, written.corner_uv);
   return OffWriter(file, written, split, uv_is_float).Write();
 }
 
 std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {
-  const CornerSplit split =
-      SplitCorners(static_cast<std::int64_t>(mesh.positions.size()), mesh.corner_vertex, corner_uv);
-  std::string text =
-      "STOFF\n" + std::to_string(split.num_vertices()) + " " + std::to_string(mesh.num_polygons()) + " 0\n";
+  const CornerSplit split = SplitForFile(mesh, corner_uv);
+  std::string text = "STOFF\n";
+  for (const std::string& mark : SeamMarks(mesh, split)) text += "# " + mark + "\n";
+  text += std::to_string(split.num_vertices()) + " " + std::to_string(mesh.num_polygons()) + " 0\n";
   for (std::size_t v = 0; v < split.source.size(); ++v) {
     std::string line;
     for (const double value : mesh.positions[split.source[v]]) {

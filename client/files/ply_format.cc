@@ -1,9 +1,11 @@
 #include "client/files/ply_format.h"
 
+#include <algorithm>
 #include <bit>
 #include <optional>
 
 #include "client/files/file_io.h"
+#include "client/files/seam_copies.h"
 #include "client/files/text_cursor.h"
 #include "core/base/number.h"
 #include "core/base/status_macros.h"
@@ -41,6 +43,46 @@ std::vector<std::string_view> Words(std::string_view line) {
   return words;
 }
 
+// Whether the first face, read in the encoding of this header, has vertices that the file has.
+bool HasSoundFace(const std::string& path, std::string_view bytes, const PlyHeader& header) {
+  const absl::StatusOr<PlyLayout> layout = FindPlyLayout(path, header);
+  if (!layout.ok()) return false;
+  PlyValues values(path, bytes, header);
+  for (std::size_t i = 0; i < layout->face; ++i) {
+    const PlyElement& element = header.elements[i];
+    for (std::int64_t k = 0; k < element.count && !element.properties.empty(); ++k) {
+      for (const PlyProperty& property : element.properties) {
+        if (!values.SkipProperty({element.name.c_str(), k}, property).ok()) return false;
+      }
+    }
+  }
+  const PlyElement& faces = header.elements[layout->face];
+  for (std::size_t p = 0; p < layout->indices; ++p) {
+    if (!values.SkipProperty({"face", 0}, faces.properties[p]).ok()) return false;
+  }
+  const PlyProperty& indices = faces.properties[layout->indices];
+  std::int64_t corners = 0;
+  if (!values.ReadInt({"face", 0}, indices.count_type, &corners).ok() || corners < 3) return false;
+  for (std::int64_t k = 0; k < corners; ++k) {
+    std::int64_t vertex = 0;
+    if (!values.ReadInt({"face", 0}, indices.type, &vertex).ok()) return false;
+    if (vertex < 0 || vertex >= header.elements[layout->vertex].count) return false;
+  }
+  return true;
+}
+
+// What the data look like where the header does not say it: text, or else numbers whose bytes come in one of two
+// orders.
+PlyEncoding GuessEncoding(const std::string& path, std::string_view bytes, const PlyHeader& header) {
+  const std::string_view data = bytes.substr(header.data_offset);
+  const bool is_text =
+      std::all_of(data.begin(), data.end(), [](char c) { return (c >= ' ' && c <= '~') || IsBlank(c); });
+  if (is_text) return PlyEncoding::kAscii;
+  PlyHeader tried = header;
+  tried.encoding = PlyEncoding::kBigEndian;
+  return HasSoundFace(path, bytes, tried) ? PlyEncoding::kBigEndian : PlyEncoding::kLittleEndian;
+}
+
 class HeaderReader {
  public:
   HeaderReader(const std::string& path, std::string_view bytes) : path_(path), bytes_(bytes) {}
@@ -48,15 +90,19 @@ class HeaderReader {
   absl::StatusOr<PlyHeader> Read() {
     std::string_view line;
     if (!NextLine(&line) || line != "ply") return Fault("a PLY file starts with a line \"ply\", this one does not");
-    bool has_format = false;
     while (true) {
       if (!NextLine(&line)) return Fault("the header has no \"end_header\"; the file is cut off or not a PLY");
       const std::vector<std::string_view> words = Words(line);
-      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      if (words.empty() || words[0] == "obj_info") continue;
+      if (words[0] == "comment") {
+        const std::string_view comment = words.size() > 1 ? line.substr(words[1].data() - line.data()) : "";
+        if (IsSeamMark(comment)) header_.seam_marks.push_back(comment);
+        continue;
+      }
       if (words[0] == "end_header") break;
       if (words[0] == "format") {
         PLANISH_RETURN_IF_ERROR(ReadFormat(words));
-        has_format = true;
+        header_.has_format = true;
       } else if (words[0] == "element") {
         PLANISH_RETURN_IF_ERROR(ReadElement(words));
       } else if (words[0] == "property") {
@@ -65,9 +111,9 @@ class HeaderReader {
         return Fault("unknown line in the header: " + Quoted(line));
       }
     }
-    if (!has_format) return Fault("the header has no \"format\" line");
     header_.data_offset = position_;
     header_.data_line = line_ + 1;
+    if (!header_.has_format) header_.encoding = GuessEncoding(path_, bytes_, header_);
     PLANISH_RETURN_IF_ERROR(CheckCounts());
     return std::move(header_);
   }

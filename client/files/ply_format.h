@@ -36,13 +36,16 @@ struct PlyElement {
 
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
-  std::vector<PlyElement> elements;  // in the order of their data
-  std::size_t data_offset = 0;       // of the first byte behind the header
-  std::int64_t data_line = 1;        // 1-based, for ascii
+  bool has_format = false;                   // false: the header does not tell the encoding, and the data did
+  std::vector<PlyElement> elements;          // in the order of their data
+  std::size_t data_offset = 0;               // of the first byte behind the header
+  std::int64_t data_line = 1;                // 1-based, for ascii
+  std::vector<std::string_view> seam_marks;  // comments, for JoinSeamVertices()
 };
 
-// Counts are checked against the bytes that follow: at least two characters per value in ascii, the sizes of the
-// scalars and list lengths in binary. Errors as in readers.h.
+// Where the line "format" is missing, the encoding is the one in which the data make sense. Counts are checked against
+// the bytes that follow: at least two characters per value in ascii, the sizes of the scalars and list lengths in
+// binary. Errors as in readers.h.
 absl::StatusOr<PlyHeader> ReadPlyHeader(const std::string& path, std::string_view bytes);
 
 // Indices of elements in the header, and of properties in their element.

@@ -4,6 +4,7 @@
 #include "client/files/ply_format.h"
 #include "client/files/polygon_mesh.h"
 #include "client/files/readers.h"
+#include "client/files/seam_copies.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
@@ -136,6 +137,8 @@ class PlyReader {
     if (!layout_.vertex_uv) return;
     for (const std::int32_t vertex : mesh_.corner_vertex) mesh_.corner_texcoord.push_back(vertex_texcoord_[vertex]);
     mesh_.texcoords = texcoords_.TakeValues();
+    // With UV of faces the writer leaves vertices as they are.
+    if (!layout_.face_uv) JoinSeamVertices(header_.seam_marks, &mesh_);
   }
 
   const std::string& path_;

@@ -1,6 +1,8 @@
 #include <bit>
+#include <utility>
 
 #include "client/files/ply_format.h"
+#include "client/files/seam_copies.h"
 #include "client/files/writers.h"
 #include "core/base/corner_split.h"
 #include "core/base/number.h"
@@ -27,6 +29,18 @@ const char* NameOf(PlyType type) {
       return "float";
     case PlyType::kFloat64:
       return "double";
+  }
+  return "";
+}
+
+const char* NameOf(PlyEncoding encoding) {
+  switch (encoding) {
+    case PlyEncoding::kAscii:
+      return "ascii";
+    case PlyEncoding::kLittleEndian:
+      return "binary_little_endian";
+    case PlyEncoding::kBigEndian:
+      return "binary_big_endian";
   }
   return "";
 }
@@ -89,8 +103,7 @@ class PlyWriter {
         sink_(header.encoding) {
     // With UV in the faces the vertices stay as they are.
     if (!layout_.face_uv) {
-      split_ = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()), written.mesh.corner_vertex,
-                            written.corner_uv);
+      split_ = SplitForFile(written.mesh, written.corner_uv);
     }
     const PlyType type = header.elements[layout.face].properties[layout.indices].type;
     const std::int64_t largest = split_.num_vertices() - 1;
@@ -132,19 +145,21 @@ class PlyWriter {
     const std::string line_end(text.substr(first_end, text.substr(first_end, 2) == "\r\n" ? 2 : 1));
     std::size_t element = 0;
     std::size_t property = 0;
-    bool inside = false;
+    bool inside = false, has_marks = false;
     for (std::size_t at = 0; at < text.size();) {
       const std::size_t end = std::min(text.find_first_of("\r\n", at), text.size());
       std::string line(text.substr(at, end - at));
       at = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
       const std::size_t word = line.find_first_not_of(" \t\v\f");
       const std::string_view keyword = word == std::string::npos ? "" : std::string_view(line).substr(word);
+      if (keyword.starts_with("comment") && IsSeamMark(keyword.substr(7))) continue;
       const bool begins_element = keyword.starts_with("element");
       if (begins_element || keyword.starts_with("end_header")) {
         if (inside && element == layout_.vertex && !layout_.face_uv) AddUvProperties(line_end);
         if (inside) ++element;
         inside = begins_element;
         property = 0;
+        if (begins_element && !std::exchange(has_marks, true)) AddMarks(line_end);
         if (begins_element && element == layout_.vertex && !layout_.face_uv) {
           line = "element vertex " + std::to_string(split_.num_vertices());
         } else if (begins_element && element == layout_.face && !written_.torn.empty()) {
@@ -164,6 +179,13 @@ class PlyWriter {
     }
   }
 
+  // What the header has before its first element.
+  void AddMarks(const std::string& line_end) {
+    if (!header_.has_format) sink_.bytes += std::string("format ") + NameOf(header_.encoding) + " 1.0" + line_end;
+    if (layout_.face_uv) return;
+    for (const std::string& mark : SeamMarks(file_.mesh, split_)) sink_.bytes += "comment " + mark + line_end;
+  }
+
   void AddUvProperties(const std::string& line_end) {
     for (const char* name : {"s", "t"}) {
       sink_.bytes += std::string("property ") + NameOf(uv_type_) + " " + name + line_end;
@@ -181,8 +203,9 @@ class PlyWriter {
   }
 
   absl::Status WriteVertices(const PlyElement& element) {
-    // Bytes of each old vertex without its UV, for the copies.
-    std::vector<std::string> old(split_.source.empty() ? 0 : static_cast<std::size_t>(element.count));
+    // Bytes of each old vertex without its UV, for the copies. Copies that the file has already are left out.
+    const auto kept = static_cast<std::int64_t>(file_.mesh.positions.size());
+    std::vector<std::string> old(split_.source.empty() ? 0 : static_cast<std::size_t>(kept));
     std::string bytes;
     std::string dropped;
     for (std::int64_t i = 0; i < element.count; ++i) {
@@ -192,6 +215,7 @@ class PlyWriter {
         PLANISH_RETURN_IF_ERROR(values_.Copy({"vertex", i}, element.properties[p], target));
       }
       dropped.clear();
+      if (i >= kept) continue;
       sink_.bytes += bytes;
       if (layout_.face_uv) {
         sink_.EndElement();
@@ -200,7 +224,7 @@ class PlyWriter {
       WriteVertexUv(static_cast<std::size_t>(i));
       old[static_cast<std::size_t>(i)] = std::move(bytes);
     }
-    for (std::size_t v = static_cast<std::size_t>(element.count); v < split_.source.size(); ++v) {
+    for (std::size_t v = static_cast<std::size_t>(kept); v < split_.source.size(); ++v) {
       sink_.bytes += old[static_cast<std::size_t>(split_.source[v])];
       WriteVertexUv(v);
     }
@@ -230,6 +254,11 @@ class PlyWriter {
     return absl::OkStatus();
   }
 
+  std::int32_t FileVertex(std::size_t corner) const {
+    const PolygonMesh& mesh = written_.mesh;
+    return mesh.corner_file_vertex.empty() ? mesh.corner_vertex[corner] : mesh.corner_file_vertex[corner];
+  }
+
   void WriteFace(const PlyElement& element, const std::vector<std::string>& values, std::int64_t polygon,
                  bool is_torn) {
     const auto begin = static_cast<std::size_t>(written_.mesh.polygon_begin[static_cast<std::size_t>(polygon)]);
@@ -239,7 +268,7 @@ class PlyWriter {
       if (p == layout_.indices && (is_torn || !layout_.face_uv)) {
         sink_.Integer(static_cast<std::int64_t>(end - begin), property.count_type);
         for (std::size_t c = begin; c < end; ++c) {
-          sink_.Integer(layout_.face_uv ? written_.mesh.corner_vertex[c] : split_.corner[c], index_type_);
+          sink_.Integer(layout_.face_uv ? FileVertex(c) : split_.corner[c], index_type_);
         }
       } else if (layout_.face_uv == p) {
         sink_.Integer(static_cast<std::int64_t>(2 * (end - begin)), FaceUvCountType());
@@ -271,8 +300,7 @@ absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons
 }
 
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {
-  const CornerSplit split =
-      SplitCorners(static_cast<std::int64_t>(mesh.positions.size()), mesh.corner_vertex, corner_uv);
+  const CornerSplit split = SplitForFile(mesh, corner_uv);
   bool positions_are_float = true;
   for (const Vec3& position : mesh.positions) {
     for (const double value : {position.x(), position.y(), position.z()}) {
@@ -288,7 +316,9 @@ std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_
   const PlyType count_type = most_corners < 256 ? PlyType::kUint8 : PlyType::kInt32;
 
   PlySink sink(PlyEncoding::kLittleEndian);
-  sink.bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(split.num_vertices()) + "\n";
+  sink.bytes = "ply\nformat binary_little_endian 1.0\n";
+  for (const std::string& mark : SeamMarks(mesh, split)) sink.bytes += "comment " + mark + "\n";
+  sink.bytes += "element vertex " + std::to_string(split.num_vertices()) + "\n";
   for (const char* name : {"x", "y", "z"}) {
     sink.bytes += std::string("property ") + NameOf(position_type) + " " + name + "\n";
   }

@@ -20,6 +20,9 @@ struct PolygonMesh {
   std::vector<Vec3> positions;
   std::vector<std::int64_t> polygon_begin = {0};
   std::vector<std::int32_t> corner_vertex;  // 0-based, in range
+  // Of PLY and OFF: the file's own vertex per corner, where several of them are one vertex of the surface
+  // (client/files/seam_copies.h), which corner_vertex has. Empty: they are the same.
+  std::vector<std::int32_t> corner_file_vertex;
 
   // The file's UV, v upwards whatever the format says. Per corner an id into `texcoords`, -1: none; empty: the file has
   // no UV. Ids are equal exactly where the values are (0 and -0 alike), however often the file repeats a value: an edge

@@ -168,6 +168,7 @@ PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<Torn
   if (torn.empty()) return result;
   result.polygon_begin = {0};
   result.corner_vertex.clear();
+  result.corner_file_vertex.clear();
   result.corner_texcoord.clear();
   for (auto* list : {&result.polygon_material, &result.polygon_group, &result.polygon_object}) list->clear();
   result.polygon_line.clear();
@@ -185,6 +186,7 @@ PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<Torn
       for (std::int64_t c = polygons.polygon_begin[p]; !is_torn && c < polygons.polygon_begin[p + 1]; ++c) corners.push_back(c);
       for (const std::int64_t c : corners) {
         result.corner_vertex.push_back(polygons.corner_vertex[c]);
+        add(polygons.corner_file_vertex, c, &result.corner_file_vertex);
         add(polygons.corner_texcoord, c, &result.corner_texcoord);
       }
       result.polygon_begin.push_back(static_cast<std::int64_t>(result.corner_vertex.size()));

@@ -17,7 +17,7 @@ const {Planish} = grpc.loadPackageDefinition(definition).planish.v1;
 const bytesOf = (array) => Buffer.from(array.buffer, array.byteOffset, array.byteLength);
 const isLost = ({code, metadata}) => code === 14 || (code === 13 && !metadata.get('grpc-status-details-bin').length);
 
-// Arrays travel as the bytes that they have in memory. positions: Float32Array of x, y, z. triangles: Uint32Array of three vertices each.
+// Arrays travel as the bytes that they have in memory. positions: Float32Array of x, y, z, near the origin. triangles: Uint32Array of three vertices each.
 // Returns {uv, report}: uv[2 * (3 * f + k)] and the number after it are (u, v) of corner k of triangle f.
 export async function unwrap(address, positions, triangles, options = {}, onProgress = () => {}) {
   const arrays = {positions: bytesOf(positions), triangles: bytesOf(triangles)};
@@ -49,7 +49,10 @@ if (process.argv[1] === fileURLToPath(import.meta.url)) {
   const lines = readFileSync(input, 'utf8').split('\n').map((line) => line.trim().split(/\s+/));
   const numbers = (kind) => lines.filter(([word]) => word === kind).flatMap((words) => words.slice(1, 4).map(parseFloat));
   const vertices = numbers('v'), faces = numbers('f').map((id) => id - 1);
-  const {uv, report} = await unwrap(address, new Float32Array(vertices), new Uint32Array(faces), {},
+  // Float32 has too few digits far from the origin: the mesh is moved there before it is rounded.
+  const origin = vertices.slice(0, 3);
+  const near = Float32Array.from(vertices, (x, i) => x - origin[i % 3]);
+  const {uv, report} = await unwrap(address, near, new Uint32Array(faces), {},
                                     ({stage}) => process.stderr.write(`\r${stage.slice('STAGE_'.length).padEnd(9)}`));
   const text = lines.filter(([word]) => word === 'v').map((words) => words.join(' '));
   for (let i = 0; i < uv.length; i += 2) text.push(`vt ${uv[i]} ${uv[i + 1]}`);

@@ -134,7 +134,8 @@ Atlas FromProto(const v1::Atlas& proto) {
                  proto.texels_per_unit(),
                  EnumFromProto(proto.effort(), Effort::kNormal),
                  EnumFromProto(proto.layout(), AtlasLayout::kUdim),
-                 {}};
+                 {},
+                 proto.padding_kept()};
   for (const v1::AtlasPart& part : proto.atlases()) {
     atlas.atlases.push_back({part.atlas(), part.triangles(), part.charts(), part.first_tile(), part.tiles(),
                              part.texels_per_unit(), part.packing_efficiency()});
@@ -167,7 +168,8 @@ Progress FromProto(const v1::Progress& proto) {
           .energy = proto.energy(),
           .step_length = proto.step_length(),
           .elapsed = SecondsFrom(proto.elapsed()),
-          .tolerance = proto.tolerance()};
+          .tolerance = proto.tolerance(),
+          .stage_fraction = proto.stage_fraction()};
 }
 
 template <typename Number>

@@ -9,6 +9,7 @@
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
 #include "core/draco/codec.h"
+#include "core/mesh/local_origin.h"
 
 namespace planish::inline abi0 {
 namespace {
@@ -134,6 +135,10 @@ PackedMesh PackedMesh::Of(const MeshView& view) {
     sent[v] = static_cast<std::int32_t>(mesh.positions.size());
     packed.source_vertex.push_back(static_cast<std::int32_t>(v));
     std::visit([&](auto p) { mesh.positions.emplace_back(p[3 * v], p[3 * v + 1], p[3 * v + 2]); }, view.positions_);
+  }
+  const Vec3 origin = LocalOrigin(mesh.positions);
+  if (!origin.isZero(0)) {
+    for (Vec3& position : mesh.positions) position -= origin;
   }
   mesh.faces.resize(view.indices_.size() / 3);
   for (std::size_t c = 0; c < view.indices_.size(); ++c) mesh.faces[c / 3][c % 3] = sent[view.indices_[c]];

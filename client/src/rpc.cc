@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
-#include <sstream>
 
 #include "absl/strings/ascii.h"
 #include "core/base/random_id.h"
+#include "core/base/read_file.h"
 #include "core/base/target.h"
 #include "core/base/trace_context.h"
 
@@ -14,10 +13,9 @@ namespace planish {
 namespace {
 
 std::string ReadFile(const std::string& what, const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  if (!in || !(text << in.rdbuf())) throw Invalid("OPTIONS_INVALID", "cannot read " + what + " " + path);
-  return text.str();
+  absl::StatusOr<std::string> text = ReadTextFile(what, path);
+  if (!text.ok()) throw Invalid("OPTIONS_INVALID", std::string(text.status().message()));
+  return *std::move(text);
 }
 
 std::string ReadPem(const std::string& what, const std::string& path) {

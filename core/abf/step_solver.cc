@@ -145,9 +145,9 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   const StepTuning& tuning = tuning_.step;
   LinearSolveOptions watched = options;
   watched.tuning = tuning_.linear;
-  if (types_.preconditioner != PreconditionerType::kAmg && types_.preconditioner != PreconditionerType::kCholesky) {
-    watched.rough.clear();
-  }
+  const bool is_quick =
+      types_.preconditioner == PreconditionerType::kAmg || types_.preconditioner == PreconditionerType::kCholesky;
+  if (types_.solver == SolverType::kDirect || !is_quick) watched.rough.clear();
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
   const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
   if (iterate_.is_indefinite && limit_indefinite_) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "core/base/interrupter.h"
@@ -16,6 +17,9 @@ struct Execution {
   ThreadTeam* team = nullptr;           // null: the calling thread alone
   const Interrupter* cancel = nullptr;  // null: nothing ends it
   const Interrupter* stop = nullptr;    // null: there is time for the best result
+  // Told what part of the present stage is done, on the thread that runs it; null: nobody asks.
+  const std::function<void(double)>* progress = nullptr;
+  double progress_begin = 0, progress_end = 1;  // what Report(0) and Report(1) are of the whole stage
 
   // Iterations of a chunk: so few that a cancellation is noticed soon.
   static constexpr std::int64_t kChunk = ThreadTeam::kChunk;
@@ -24,6 +28,18 @@ struct Execution {
 
   bool IsCancelled() const { return IsInterrupted(cancel); }
   bool IsStopRequested() const { return IsInterrupted(stop); }
+  // `fraction` of this part of the stage is done, in [0, 1]. Not for every step of a loop.
+  void Report(double fraction) const {
+    if (progress != nullptr) (*progress)(progress_begin + fraction * (progress_end - progress_begin));
+  }
+  // For work that takes the stage from one fraction to another.
+  Execution Part(double begin, double end) const {
+    Execution part = *this;
+    const double whole = progress_end - progress_begin;
+    part.progress_begin = progress_begin + begin * whole;
+    part.progress_end = progress_begin + end * whole;
+    return part;
+  }
   // The same requests, without the team.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
   ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }

@@ -16,7 +16,9 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr double kNearLimit = 0.999;  // of the last limit of stretch: a step that comes nearer is left out
+constexpr std::int32_t kReportStride = 256;  // discs or joints
+constexpr double kFirstEstimates = 0.2;      // part of the time
+constexpr double kNearLimit = 0.999;         // of the last limit of stretch: a step that comes nearer is left out
 
 struct Disc {
   std::vector<std::int32_t> faces;     // none: glued to another one
@@ -73,6 +75,7 @@ class Merging {
       disc.estimated = disc.faces.size();
       estimate_.Keep();
       WalkOutline(d);
+      if (d % kReportStride == 0) execution.Report(kFirstEstimates * d / count);
     }
     // At a higher limit at once, discs take what borders most on them, whatever it costs in stretch, and end up more.
     const double most = max_stretch_;
@@ -96,11 +99,17 @@ class Merging {
     for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {
       if (!discs_[d].faces.empty()) PushJoints(d, false);
     }
+    // Joints come and go, but the queue is empty in the end.
+    std::int64_t looked_at = 0;
     const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
     while (!queue_.empty() && goes_on()) {
       while (!queue_.empty() && goes_on()) {
         const Joint joint = queue_.top();
         queue_.pop();
+        if (++looked_at % kReportStride == 0) {
+          const double known = static_cast<double>(looked_at) + static_cast<double>(queue_.size());
+          execution.Report(kFirstEstimates + (1 - kFirstEstimates) * static_cast<double>(looked_at) / known);
+        }
         if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
         if (!gluing_.IsOutline(joint.first)) continue;
         // The discs may have grown elsewhere since: the joint is looked at again, and waits if it is worth less now.

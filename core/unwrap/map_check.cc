@@ -70,9 +70,19 @@ class MapJudge {
 
   void MeasureFaces() {
     sizes_.resize(mesh_.faces.size());
+    is_without_area_.resize(mesh_.faces.size());
     execution_.ForEach(num_faces(), [&](std::int64_t f) {
       sizes_[f] = {Orientation(InMap(f)), DoubleArea(InMap(f)) / 2, DoubleArea(OnSurface(f)) / 2};
+      const auto [p, q, r] = OnSurface(f);
+      is_without_area_[f] = !HasThreeCorners(mesh_.faces[f]) || IsDegenerateTriangle(p, q, r);
     });
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      if (!is_without_area_[f]) continue;
+      sizes_[f] = {0, 0, 0};
+      check_.faults[f] |= kFaceWithoutArea;
+      ++check_.without_area;
+    }
+    if (check_.without_area == 0) is_without_area_.clear();
   }
 
   // A chart is mirrored as a whole if its area has a negative sum; what is turned against that is flipped.
@@ -99,7 +109,8 @@ class MapJudge {
       check_.uv_area += std::abs(sizes_[f].uv_area);
       check_.surface_area += sizes_[f].surface_area;
       if (orientation < 0) check_.faults[f] |= kFlippedFace, ++check_.flipped;
-      if (orientation == 0) check_.faults[f] |= kDegenerateFace, ++check_.degenerate;
+      const bool has_area = (check_.faults[f] & kFaceWithoutArea) == 0;
+      if (orientation == 0 && has_area) check_.faults[f] |= kDegenerateFace, ++check_.degenerate;
       if (orientation > 0 && is_mirrored) ++check_.mirrored_triangles;
     }
   }
@@ -158,10 +169,12 @@ class MapJudge {
     orientation.flipped = check_.flipped + check_.mirrored_triangles;
     orientation.degenerate = check_.degenerate;
     constexpr std::int64_t kTestsPerFace = 30;  // beyond that pairs are no slower
-    if (OutlinesProveNoOverlap(opposite_, uv_, orientation, kTestsPerFace * num_faces(), execution_)) return;
-    check_.overlaps = FindOverlaps(uv_, kMaxOverlapTests, &check_.overlapping_pairs, execution_);
+    const std::vector<char>& ignored = is_without_area_;
+    const std::int64_t tests = kTestsPerFace * num_faces();
+    if (OutlinesProveNoOverlap(opposite_, uv_, orientation, tests, execution_, ignored)) return;
+    check_.overlaps = FindOverlaps(uv_, kMaxOverlapTests, &check_.overlapping_pairs, execution_, ignored);
     if (check_.overlaps.limited && check_.overlaps.pairs == 0) {  // a large fan
-      check_.overlaps = FindOneOverlap(uv_, execution_);
+      check_.overlaps = FindOneOverlap(uv_, execution_, ignored);
       check_.overlapping_pairs = check_.overlaps.faces;
     }
     for (const std::int32_t f : check_.overlapping_pairs) {
@@ -303,6 +316,7 @@ class MapJudge {
   const MapCheckOptions& options_;
   const Execution& execution_;
   std::vector<FaceSizes> sizes_;
+  std::vector<char> is_without_area_;   // per face: on the surface; empty: none
   std::vector<char> is_joined_;         // per half-edge: the map goes on behind it
   std::vector<char> is_on_seam_;        // per half-edge: unless it does so to one on the same edge of the surface
   std::vector<std::int32_t> opposite_;  // where it does so in one face, wound alike; -1 elsewhere

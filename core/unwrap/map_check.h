@@ -34,10 +34,11 @@ struct MapCheckOptions {
 };
 
 // Bits of MapCheck::faults.
-inline constexpr std::uint8_t kFlippedFace = 1;      // turned against the rest of its chart
-inline constexpr std::uint8_t kDegenerateFace = 2;   // collinear in the map
-inline constexpr std::uint8_t kOverlappingFace = 4;  // its interior meets that of another triangle
-inline constexpr std::uint8_t kOutsideFace = 8;      // in none of the tiles, or in several
+inline constexpr std::uint8_t kFlippedFace = 1;       // turned against the rest of its chart
+inline constexpr std::uint8_t kDegenerateFace = 2;    // collinear in the map
+inline constexpr std::uint8_t kOverlappingFace = 4;   // its interior meets that of another triangle
+inline constexpr std::uint8_t kOutsideFace = 8;       // in none of the tiles, or in several
+inline constexpr std::uint8_t kFaceWithoutArea = 16;  // on the surface: it counts as none of the first three
 
 struct ChartCheck {
   std::int64_t triangles = 0;
@@ -60,6 +61,7 @@ struct DensityCheck {
 
 struct MapCheck {
   std::int64_t flipped = 0, degenerate = 0, outside = 0;
+  std::int64_t without_area = 0;  // on the surface: no map can give it room, as Unwrap() says in FACES_WITHOUT_AREA
   std::int64_t mirrored_charts = 0, mirrored_triangles = 0;  // that are turned as their mirrored chart is
   Overlaps overlaps;
   std::vector<std::int32_t> overlapping_pairs;  // faces, two by two; all that were counted

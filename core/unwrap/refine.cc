@@ -244,15 +244,22 @@ bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const Chart
   return estimate.face >= 0 || IsUnwieldy(job, charts, faces, estimate.stretch, ExtentOf(estimate.points));
 }
 
-absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts) {
+absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts) {
+  // Parts of the time: the first pass looks at all charts, later ones at those that were cut.
+  constexpr double kFirstPass = 0.6, kLaterPass = 0.5;
+  double begin = 0, share = kFirstPass;
   Segmentation& segmentation = *charts->segmentation;
   std::vector<std::int32_t> todo(segmentation.charts().size());
   std::iota(todo.begin(), todo.end(), 0);
   bool are_parted = !job.options.pack || todo.size() < 2;
   while (!todo.empty() && !job.execution.IsStopRequested()) {
     std::vector<Segmentation::Cut> cuts;
+    std::size_t faces = 0, done = 0;
+    for (const std::int32_t i : todo) faces += segmentation.charts()[i].size();
     for (const std::int32_t i : todo) {
       if (job.execution.IsCancelled()) return absl::CancelledError("cancelled");
+      execution.Report(begin + share * static_cast<double>(done) / static_cast<double>(faces));
+      done += segmentation.charts()[i].size();
       estimates->Update(i);
       const ChartEstimate& estimate = estimates->of(i);
       if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
@@ -261,6 +268,8 @@ absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* 
       cuts = ChartsToPart(job, NecksOf(*charts, job.options), *estimates, charts);
     }
     todo = cuts.empty() ? std::vector<std::int32_t>() : segmentation.Split(cuts, job.execution);
+    begin += share;
+    share = kLaterPass * (1 - begin);
   }
   return job.execution.IsCancelled() ? absl::CancelledError("cancelled") : absl::OkStatus();
 }

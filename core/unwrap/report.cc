@@ -41,7 +41,7 @@ void WarnOfPrecision(const Delivery& delivery, std::vector<UnwrapWarning>* warni
 
 // Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
 void WarnOfCoarseFloat(UnwrapResult* result) {
-  constexpr double kNegligible = 1e-9;   // energy per angle
+  constexpr double kNegligible = 1e-4;   // energy per angle: a hundredth of the angle
   constexpr double kWorthSaying = 1e-3;  // of the energy before rounding
   double energy = 0, angles = 0;
   for (const ChartReport& chart : result->charts) {
@@ -52,8 +52,10 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
   if (result->precision != Precision::kFloat || lost <= kNegligible || lost <= kWorthSaying * solved) return;
   result->warnings.push_back(
       {"UV_PRECISION",
-       absl::StrFormat("rounding to float adds %.2g %% to the ABF energy, the scale varies much; double would keep it",
-                       100 * lost / solved),
+       absl::StrFormat(
+           "rounding to float raises the ABF energy of an angle from %.3g to %.3g, as the scale varies much; "
+           "--precision=double keeps it",
+           solved, result->quality.abf_energy),
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
 }
 
@@ -219,6 +221,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   std::sort(result.widened.begin(), result.widened.end());
   WarnOfWidened(result.widened, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
+  result.padding = atlas.padding;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;

@@ -111,6 +111,9 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
   return false;
 }
 
+// What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
+constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kRefineShare = 0.92;
+
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
   if (job.execution.IsCancelled() || job.execution.IsStopRequested()) return;
@@ -118,7 +121,8 @@ void RejoinCharts(const Job& job, Charts* charts) {
   const std::vector<std::array<std::int32_t, 2>> pairs = PairsToRejoin(before.gluing(), before.chart());
   if (pairs.empty()) return;
   auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
-  Segmentation after(*surface, before, job.options.seams.max_stretch, job.execution);
+  const Execution silent = job.execution.Part(kSegmentShare, kSegmentShare);  // there is little to do
+  Segmentation after(*surface, before, job.options.seams.max_stretch, silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
 }
@@ -138,9 +142,17 @@ bool CanBeParted(const Surface& surface, const Chart& chart) {
 
 absl::Status Job::Enter(UnwrapStage stage) {
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  if (progress.stage != stage) progress.stage_fraction = 0;
   progress.stage = stage;
   if (control.on_progress) control.on_progress(progress);
   return absl::OkStatus();
+}
+
+void Job::Reach(double fraction) {
+  constexpr double kWorthTelling = 0.005;
+  if (progress.stage != UnwrapStage::kCharts || fraction < progress.stage_fraction + kWorthTelling) return;
+  progress.stage_fraction = std::min(fraction, 1.0);
+  if (control.on_progress) control.on_progress(progress);
 }
 
 std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
@@ -199,6 +211,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
                                                          needles, PartOfFaces(job->options),
                                                          job->options.face_polygon},
                                                         job->execution));
+  job->execution.Report(kSurfaceShare);
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     charts.total_area += surface.area[f];
@@ -215,7 +228,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
   WarnOfSurface(surface, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                              seams.max_stretch, job->execution, job->options.tuning);
+                              seams.max_stretch, job->execution.Part(kSurfaceShare, kSegmentShare),
+                              job->options.tuning);
   if (by_stretch) RejoinCharts(*job, &charts);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
@@ -226,7 +240,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   MeasureAtlases(job->options, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
-    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, &estimates, &charts));
+    const Execution refining = job->execution.Part(kSegmentShare, kRefineShare);
+    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts));
+    refining.Report(1);
     PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make

@@ -49,6 +49,8 @@ struct Job {
 
   // Announces a stage. CANCELLED after a cancellation.
   absl::Status Enter(UnwrapStage stage);
+  // What Execution::Report() tells: the part of the stage of charts that is done. Others do not tell.
+  void Reach(double fraction);
   // Whether the packer places the charts. Otherwise they have places of their own.
   bool packs() const { return options.pack && options.seams.policy != SeamPolicy::kNone; }
   bool may_split() const {
@@ -135,7 +137,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
 // CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
-absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
+absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);

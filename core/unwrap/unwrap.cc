@@ -1,6 +1,7 @@
 #include "core/unwrap/unwrap.h"
 
 #include <algorithm>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -177,7 +178,12 @@ namespace {
 // Unwrap() of a mesh as its faces and vertices lie. Warnings do not name their faces in the metadata yet.
 absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
                                            const Execution& execution) {
-  Job job = {mesh, options, control, execution};
+  Job* watched = nullptr;
+  const std::function<void(double)> reach = [&watched](double fraction) { watched->Reach(fraction); };
+  Execution reporting = execution;
+  reporting.progress = &reach;
+  Job job = {mesh, options, control, reporting};
+  watched = &job;
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);

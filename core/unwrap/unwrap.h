@@ -96,7 +96,8 @@ struct UnwrapProgress {
   UnwrapStage stage = UnwrapStage::kCharts;
   int chart = 0;  // 0-based
   int chart_count = 1;
-  FlattenProgress flatten;  // meaningful from kSolve on
+  FlattenProgress flatten;    // meaningful from kSolve on
+  double stage_fraction = 0;  // of the stage that is done, roughly; 0 where it cannot tell
 };
 
 // How a call is watched and ended. The callback runs on the calling thread, at the start of every stage, at every
@@ -159,6 +160,7 @@ struct UnwrapResult {
   int tiles = 1;                         // of the texture, up to the last that is used
   // texture_size times UV length per length on the surface, at weight 1, the least of all atlases; 0 without packing.
   double texels_per_unit = 0;
+  double padding = 0;  // texels that are free between charts: PackOptions::padding unless there was no room
   std::vector<AtlasReport> atlases;  // ascending; empty without UnwrapOptions::face_atlas
   Quality quality;                   // of `uv` as delivered
   UnwrapSeconds seconds;

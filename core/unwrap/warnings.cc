@@ -63,10 +63,13 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
          absl::StrCat("more than two faces meet at ", Counted(edges, "edge", "edges"),
                       "; pairs of them stay joined, the flattest first"),
          {}, warnings);
-  WarnOf(surface.clashing_edges, "ORIENTATION_INCONSISTENT",
-         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
-                      " have opposite orientations; charts end there"),
-         {}, warnings);
+  WarnOf(
+      surface.clashing_edges, "ORIENTATION_INCONSISTENT",
+      absl::StrCat(
+          "the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
+          " have opposite orientations; charts end there. Turn all faces the same way round for fewer charts (Blender: "
+          "Mesh, Normals, Recalculate Outside)"),
+      {}, warnings);
 }
 
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings) {

@@ -4,18 +4,15 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <fstream>
 #include <map>
 #include <optional>
-#include <sstream>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/base/read_file.h"
 #include "core/base/status_macros.h"
 #include "yaml-cpp/yaml.h"
 
@@ -223,10 +220,8 @@ class Parser {
       rights.submit = rights.jobs = true;
       return rights;
     }
-    const std::map<std::string, bool*> names = {{"submit", &rights.submit},
-                                                {"jobs", &rights.jobs},
-                                                {"all-jobs", &rights.all_jobs},
-                                                {"admin", &rights.admin}};
+    const std::map<std::string, bool*> names = {
+        {"submit", &rights.submit}, {"jobs", &rights.jobs}, {"all-jobs", &rights.all_jobs}, {"admin", &rights.admin}};
     PLANISH_ASSIGN_OR_RETURN(const std::vector<Item> list, List(found->second));
     if (list.empty()) return Wrong(found->second, "there are none; leave the line out for submit and jobs");
     for (const Item& each : list) {
@@ -259,13 +254,7 @@ absl::StatusOr<std::shared_ptr<const AccessTable>> ParseAccessFile(const std::st
 }
 
 absl::StatusOr<LoadedAccess> LoadAccessFile(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (!in || !(text << in.rdbuf())) {
-    const int error = errno;
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot read the access file ", file, ": ", std::generic_category().message(error)));
-  }
+  PLANISH_ASSIGN_OR_RETURN(const std::string text, ReadTextFile("the access file", file));
   LoadedAccess loaded;
   struct stat info = {};
   if (stat(file.c_str(), &info) == 0) {
@@ -276,7 +265,7 @@ absl::StatusOr<LoadedAccess> LoadAccessFile(const std::string& file) {
       loaded.warnings.push_back(file + ": everybody on this machine may read it: chmod o-r " + file);
     }
   }
-  PLANISH_ASSIGN_OR_RETURN(loaded.table, ParseAccessFile(text.str(), file));
+  PLANISH_ASSIGN_OR_RETURN(loaded.table, ParseAccessFile(text, file));
   return loaded;
 }
 

@@ -6,15 +6,16 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <optional>
 #include <random>
+#include <sstream>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/read_file.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 
@@ -192,7 +193,7 @@ absl::Duration Shortened(absl::Duration delay) {
 struct S3Client::Request {
   const char* method = "GET";
   std::string url;
-  std::string range;       // "0-9"; empty: all
+  std::string range;        // "0-9"; empty: all
   std::string copy_source;  // empty: none
   std::string_view body;
   std::string body_sha256 = Sha256("");
@@ -215,10 +216,12 @@ absl::StatusOr<S3Credentials> ReadS3Credentials(const std::string& file) {
     };
     credentials = {variable("AWS_ACCESS_KEY_ID"), variable("AWS_SECRET_ACCESS_KEY"), variable("AWS_SESSION_TOKEN")};
   } else {
-    std::ifstream lines(file);
-    if (!lines) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "S3_CREDENTIALS", "cannot read " + file);
+    const absl::StatusOr<std::string> content = ReadTextFile("the credentials", file);
+    if (!content.ok()) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "S3_CREDENTIALS",
+                       std::string(content.status().message()));
     }
+    std::istringstream lines(*content);
     bool is_default = false;
     for (std::string line; std::getline(lines, line);) {
       const std::string text = Stripped(line);
@@ -268,8 +271,8 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   Response response;
   Sending sending = {request.body};
   const bool is_read = request.object_bytes >= 0;
-  Receiving receiving = {
-      &response.body, std::max(kMostAnswerBytes, static_cast<std::size_t>(is_read ? request.object_bytes : 0)), ""};
+  Receiving receiving = {&response.body,
+                         std::max(kMostAnswerBytes, static_cast<std::size_t>(is_read ? request.object_bytes : 0)), ""};
   HeaderList headers;
   headers.Add("x-amz-content-sha256: " + absl::BytesToHexString(request.body_sha256));
   if (!request.copy_source.empty()) headers.Add("x-amz-copy-source: " + request.copy_source);
@@ -285,7 +288,8 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   curl_easy_setopt(curl, CURLOPT_USERNAME, credentials.access_key_id.c_str());
   curl_easy_setopt(curl, CURLOPT_PASSWORD, credentials.secret_access_key.c_str());
   curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers.get());
-  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(absl::ToInt64Milliseconds(options_.connect_timeout)));
+  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS,
+                   static_cast<long>(absl::ToInt64Milliseconds(options_.connect_timeout)));
   curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, static_cast<long>(absl::ToInt64Milliseconds(timeout)));
   curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, &ReceivePiece);
   curl_easy_setopt(curl, CURLOPT_WRITEDATA, &receiving);
@@ -351,7 +355,8 @@ absl::StatusOr<S3Client::Response> S3Client::Send(const Request& request) {
     absl::StatusOr<Response> response = SendOnce(request, &retry);
     if (response.ok() || !retry) return response;
     if (attempt >= options_.attempts) {
-      return S3Unavailable(absl::StrCat("gave up after ", attempt, " attempts; the last: ", response.status().message()));
+      return S3Unavailable(
+          absl::StrCat("gave up after ", attempt, " attempts; the last: ", response.status().message()));
     }
     options_.sleep(Shortened(delay));
     delay = std::min(2 * delay, options_.most_delay);

@@ -4,14 +4,11 @@
 #include <openssl/x509.h>
 #include <sys/stat.h>
 
-#include <cerrno>
 #include <ctime>
-#include <fstream>
-#include <sstream>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/pem.h"
+#include "core/base/read_file.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
@@ -19,17 +16,6 @@ namespace {
 
 // A certificate that ends sooner than this is worth a warning.
 constexpr absl::Duration kSoon = absl::Hours(14 * 24);
-
-absl::StatusOr<std::string> ReadText(const std::string& what, const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  if (!in || !(text << in.rdbuf())) {
-    const int error = errno;
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot read ", what, " ", path, ": ", std::generic_category().message(error)));
-  }
-  return text.str();
-}
 
 absl::Time TimeOf(const ASN1_TIME* time) {
   std::tm parts = {};
@@ -55,8 +41,8 @@ absl::Status CheckDates(const std::string& path, const X509& certificate, absl::
 
 absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) {
   TlsMaterial material;
-  PLANISH_ASSIGN_OR_RETURN(material.certificate, ReadText("the certificate", files.certificate));
-  PLANISH_ASSIGN_OR_RETURN(material.key, ReadText("the key", files.key));
+  PLANISH_ASSIGN_OR_RETURN(material.certificate, ReadTextFile("the certificate", files.certificate));
+  PLANISH_ASSIGN_OR_RETURN(material.key, ReadTextFile("the key", files.key));
   const std::vector<CertificatePtr> chain = CertificatesIn(material.certificate);
   if (chain.empty()) return absl::InvalidArgumentError(files.certificate + ": no certificate in PEM");
   bool is_encrypted = false;
@@ -85,7 +71,7 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
   }
   if (files.client_ca.empty()) return material;
 
-  PLANISH_ASSIGN_OR_RETURN(material.client_ca, ReadText("the clients' CA", files.client_ca));
+  PLANISH_ASSIGN_OR_RETURN(material.client_ca, ReadTextFile("the clients' CA", files.client_ca));
   const std::vector<CertificatePtr> roots = CertificatesIn(material.client_ca);
   if (roots.empty()) return absl::InvalidArgumentError(files.client_ca + ": no certificate in PEM");
   for (const CertificatePtr& root : roots) {

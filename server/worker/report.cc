@@ -136,6 +136,7 @@ v1::Atlas AtlasOf(const UnwrapResult& result, const UnwrapOptions& options) {
   atlas.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);
   atlas.set_texture_size(options.atlas.texture_size);
   atlas.set_padding(options.atlas.padding);
+  atlas.set_padding_kept(result.padding);
   atlas.set_tiles(result.tiles);
   atlas.set_effort(ToProto(options.atlas.effort));
   atlas.set_texels_per_unit(result.texels_per_unit);
@@ -192,6 +193,7 @@ v1::Progress ToProto(const UnwrapProgress& progress) {
   *proto.mutable_residual() = ToProto(flatten.residual);
   proto.set_energy(flatten.energy);
   proto.set_step_length(flatten.step_length);
+  proto.set_stage_fraction(progress.stage_fraction);
   return proto;
 }
 

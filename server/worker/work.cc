@@ -131,6 +131,7 @@ class Work {
     v1::Progress progress = last_;
     progress.set_stage(stage);
     progress.set_linear_residual(0);
+    progress.set_stage_fraction(0);
     Report(std::move(progress));
   }
 

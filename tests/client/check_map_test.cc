@@ -257,6 +257,18 @@ TEST(CheckMap, DegenerateTrianglesAndMissingUv) {
   EXPECT_THAT(judged.text, HasSubstr("1 triangle, no UV"));
 }
 
+// unwrap gave them UV without a promise and said "no degenerate triangles"; check said that there were some.
+TEST(CheckMap, FacesWithoutAreaAreNoFaultOfTheMap) {
+  // Three vertices on a line, one of them twice, and a face that lies over others in the map.
+  const Judged judged = JudgeObj(FourCharts().Obj() + "f 1/1 2/2 3/3\nf 1/1 2/2 2/2\nf 1/1 3/8 5/5\n", Everything(0));
+  EXPECT_THAT(judged.unmet, IsEmpty());
+  EXPECT_EQ(judged.check().degenerate, 0);
+  EXPECT_EQ(judged.check().flipped, 0);
+  EXPECT_EQ(judged.check().without_area, 3);
+  EXPECT_THAT(judged.text, HasSubstr("no area on surface  3 (face 128 "));
+  EXPECT_EQ(Json::parse(judged.json)["without_area"]["count"], 3);
+}
+
 TEST(CheckMap, StretchAndAnglesAreThoseOfTheFormulas) {
   Charts charts;
   Charts::Grid& grid = charts.Add({10, 10}, 400);

@@ -168,7 +168,7 @@ TEST(ArgumentsTest, LightmapsAreASecondSetOfUv) {
   EXPECT_EQ(parsed.arguments->OutputTexcoord(), 1);
   EXPECT_EQ(parsed.arguments->options.padding, 4);
   EXPECT_EQ(parsed.arguments->options.seams, Seams::kAuto);
-  EXPECT_TRUE(parsed.arguments->seams.uv);
+  EXPECT_TRUE(parsed.arguments->seams.uv && parsed.arguments->seams.uv_is_optional);
   const ParsedArguments own = Parse({"unwrap", "a.glb", "-o", "b.glb", "--output-texcoord=3", "--preset=lightmap",
                                      "--padding=1", "--seams=keep,hard"});
   ASSERT_TRUE(own.arguments) << own.err;
@@ -449,126 +449,6 @@ TEST(ExitCodesTest, FollowTheError) {
   EXPECT_EQ(code(ErrorCode::kCancelled, "CANCELLED"), kFailed);
 }
 
-Report GoodReport() {
-  Report report;
-  report.triangles = 23062;
-  report.times.total = Seconds(0.82);
-  ChartReport chart;
-  chart.solver = Solver::kUzawa;
-  chart.preconditioner = Preconditioner::kCholesky;
-  chart.converged = true;
-  chart.newton_iterations = 8;
-  chart.residual.vertex = 3e-12;
-  report.charts = {chart};
-  report.chart_totals = {1, 0, 8, 0, chart.residual, 1.897, {}};
-  report.atlas = {true, 1024, 2, 1, 341.2};
-  report.quality.angle_error_mean_deg = 1.204;
-  report.quality.angle_error_max_deg = 33.96;
-  report.quality.stretch_l2 = 1.897;
-  return report;
-}
-
-TEST(SummaryTest, UsableResult) {
-  EXPECT_EQ(Summary(GoodReport(), "out.obj", Terminal()),
-            "Flattened 23,062 triangles in 0.82 s into out.obj: 8 Newton iterations, worst residual 3.0e-12 "
-            "(uzawa+cholesky).\n"
-            "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
-            "stretch 1.90.\n");
-}
-
-TEST(SummaryTest, VerboseHasStagesTheLargestChartsAndEveryWarning) {
-  Report report = GoodReport();
-  report.times.solve = Seconds(0.25);
-  report.peak_memory_bytes = 84'000'000;
-  report.threads = 2;
-  report.charts[0].triangles = 18062;
-  for (int i = 1; i < 30; ++i) {
-    ChartReport chart = report.charts[0];
-    chart.chart = i;
-    chart.triangles = i;
-    report.charts.push_back(chart);
-    report.warnings.push_back({"NOT_CONVERGED", "chart " + std::to_string(i) + " is slow", {}});
-  }
-  report.chart_totals.charts = 30;
-  const std::string text = Summary(report, "", Terminal(), /*verbose=*/true);
-  EXPECT_THAT(text, HasSubstr("Seconds: upload 0.000, queue 0.000, decode 0.000, charts 0.000, solve 0.250, "));
-  EXPECT_THAT(text, HasSubstr("Memory of the worker: 84 MB at most, with 2 threads.\n"
-                              "CHART  TRIANGLES  SOLVER             NEWTON  LINEAR  RESIDUAL  STRETCH\n"
-                              "    0     18,062  uzawa+cholesky          8       0   3.0e-12    1.000\n"
-                              "   29         29  uzawa+cholesky "));
-  EXPECT_THAT(text, HasSubstr("(10 smaller charts are left out here)\n"));
-  EXPECT_THAT(text, HasSubstr("warning: chart 29 is slow [NOT_CONVERGED]\n"));
-}
-
-TEST(SummaryTest, SaysWhatBecameOfTheOutline) {
-  Report report = GoodReport();
-  report.charts[0].boundary = {Boundary::kConvex, 1616, 610, 6, true};
-  EXPECT_THAT(
-      Summary(report, "out.obj", Terminal()),
-      HasSubstr("(uzawa+cholesky).\nThe outline is convex: straight at 610 of its 1,616 vertices.\nNo flipped"));
-  report.charts[0].boundary.settled = false;
-  EXPECT_THAT(Summary(report, "out.obj", Terminal()), ::testing::Not(HasSubstr("convex")));
-}
-
-TEST(SummaryTest, WarningsAndUnusableResult) {
-  Report report = GoodReport();
-  report.charts[0].converged = false;
-  report.chart_totals.not_converged = 1;
-  report.quality.flipped = 1;
-  report.quality.overlapping = 12;
-  report.warnings.push_back({"UV_FLIPPED", "1 UV triangle is flipped", {}});
-  const std::string text = Summary(report, "out.obj", Terminal());
-  EXPECT_THAT(text, HasSubstr("1 flipped triangle and 12 overlapping pairs;"));
-  EXPECT_THAT(text, HasSubstr("warning: 1 UV triangle is flipped [UV_FLIPPED]\n"));
-  EXPECT_THAT(text, HasSubstr("planish: not usable: the solve did not converge and 1 triangle is flipped; it was "
-                              "written all the same"));
-}
-
-TEST(SummaryTest, ManyChartsMakeNoLongerText) {
-  Report report = GoodReport();
-  for (int i = 1; i < 1024; ++i) {
-    ChartReport chart = report.charts[0];
-    chart.chart = i;
-    chart.triangles = 5000 - i;
-    chart.stretch_l2 = i == 77 ? 1.31 : 1.01;
-    chart.converged = i % 100 != 0;
-    chart.preconditioner = i < 10 ? Preconditioner::kAmg : Preconditioner::kCholesky;
-    chart.boundary = {Boundary::kConvex, 40, 10, 1, true};
-    report.charts.push_back(chart);
-    report.warnings.push_back({"NOT_CONVERGED", "chart " + std::to_string(i) + " is slow", {}});
-  }
-  report.chart_totals = {5000, 12, 40000, 0, report.charts[0].residual, 1.31, {}};
-  report.atlas.tiles = 2;
-  report.quality.packing_efficiency = 0.784;
-  EXPECT_EQ(Summary(report, "out.obj", Terminal()),
-            "Flattened 23,062 triangles in 0.82 s into out.obj: 5,000 charts, 40,000 Newton iterations, worst residual "
-            "3.0e-12 (uzawa+cholesky, uzawa+amg).\n"
-            "Packed into 2 tiles of 1,024 x 1,024 texels, 78 % covered, 2 texels between charts, 341 texels per unit "
-            "of length.\n"
-            "The outlines of 1,023 charts are convex: straight at 10,230 of their 40,920 vertices.\n"
-            "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
-            "stretch 1.90, 1.31 in the worst chart (77, 4,923 triangles).\n"
-            "warning: chart 1 is slow [NOT_CONVERGED]\n"
-            "warning: chart 2 is slow [NOT_CONVERGED]\n"
-            "warning: chart 3 is slow [NOT_CONVERGED]\n"
-            "warning: 1,020 more of [NOT_CONVERGED]; --json has them all\n"
-            "planish: not usable: 12 of 5,000 charts (100, 200, 300 and 9 more) did not converge; it was written all "
-            "the same, for you to look at\n");
-  report.atlas.pack = false;
-  EXPECT_THAT(Summary(report, "out.obj", Terminal()), HasSubstr("Not packed: charts lie one over the other"));
-}
-
-TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
-  EXPECT_EQ(ErrorText(Error(ErrorCode::kInvalidArgument, "MESH_FACE_DEGENERATE", "1 face has no area"),
-                      "face 12 (in.obj:345)", Terminal()),
-            "planish: error: 1 face has no area [MESH_FACE_DEGENERATE]\n  at face 12 (in.obj:345)\n");
-  EXPECT_THAT(ErrorText(Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", "x"), "", Terminal()), HasSubstr("hint:"));
-  // Servers and files cannot write to the terminal.
-  EXPECT_EQ(ErrorText(Error(ErrorCode::kInternal, "A\x1b[2J", "no\x1b]0;x\x07"), "b\x1b[1m.obj:3", Terminal()),
-            "planish: error: no?]0;x? [A?[2J]\n  at b?[1m.obj:3\n");
-  EXPECT_EQ(ExitCodeOf(Error(ErrorCode::kResourceExhausted, "QUEUE_FULL", "x")), 3);
-}
-
 TEST(JsonTest, FailureHasStateAndError) {
   const Json json =
       ReportJson(FailureOf(Error(ErrorCode::kInvalidArgument, "MESH_CLOSED", "closed", {{"genus", "0"}})));
@@ -589,6 +469,8 @@ TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(WithCommas(1000), "1,000");
   EXPECT_EQ(WithCommas(-1234567), "-1,234,567");
   EXPECT_EQ(Significant(341.23, 3), "341");
+  EXPECT_EQ(Significant(16932.7, 3), "16900");
+  EXPECT_EQ(Significant(3.02e7, 3), "3.02e+07");
   EXPECT_EQ(Significant(179.84, 4), "179.8");
   EXPECT_EQ(Duration(0.424), "0.42 s");
   EXPECT_EQ(Duration(12.34), "12.3 s");

@@ -52,6 +52,18 @@ class PolygonEdgesTest : public ::testing::Test {
 constexpr std::int32_t kFaces14 = 0;  // corner 0 of (0 1 4)
 constexpr std::int32_t kFaces25 = 6;  // corner 0 of (1 2 5)
 
+// --preset=lightmap asks for seams of the UV; a file without UV was refused with words about --seams=uv.
+TEST_F(PolygonEdgesTest, APresetTakesSeamsOfUvWhereThereAreAny) {
+  SeamList list;
+  list.uv = true;
+  EXPECT_THROW(SeamCorners(file_, triangles_, list), Error);
+  list.uv_is_optional = true;
+  EXPECT_THAT(SeamCorners(file_, triangles_, list), IsEmpty());
+  file_.mesh.texcoords.resize(11);
+  file_.mesh.corner_texcoord = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+  EXPECT_EQ(SeamCorners(file_, triangles_, list).size(), 2u);
+}
+
 TEST_F(PolygonEdgesTest, UvBordersAreWhereIdsDifferAtAnEnd) {
   EXPECT_THAT(PolygonEdges(file_, triangles_).UvBorders(), IsEmpty()) << "no UV at all";
   file_.mesh.texcoords.resize(9);

@@ -213,7 +213,8 @@ TEST_F(SecureClientTest, OptionsThatCannotBe) {
   EXPECT_THAT(Fault(half, "h:1"), HasSubstr("OPTIONS_INVALID: a client certificate takes two files"));
   ClientOptions none;
   none.tls_ca_file = dir_.Path("none");
-  EXPECT_THAT(Fault(none, "h:1"), HasSubstr("OPTIONS_INVALID: cannot read the CA " + dir_.Path("none")));
+  EXPECT_THAT(Fault(none, "h:1"),
+              HasSubstr("OPTIONS_INVALID: cannot read the CA " + dir_.Path("none") + ": No such file or directory"));
   none.tls_ca_file = Write("text", "hello");
   EXPECT_THAT(Fault(none, "h:1"), HasSubstr("is no PEM file"));
   ClientOptions token;

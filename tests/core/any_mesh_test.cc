@@ -320,6 +320,26 @@ TEST(AnyMesh, CanBeInterruptedInEveryStage) {
   }
 }
 
+// It takes half of the time of a large net, and told nothing of itself.
+TEST(AnyMesh, TheStageOfChartsTellsHowFarItIs) {
+  for (const Mesh& mesh : {testing::Torus(80, 60), testing::Hills(70, 70, 3)}) {
+    std::vector<double> told;
+    bool is_first = true;  // later ones are for cuts and joins
+    UnwrapControl control;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      is_first = is_first && progress.stage == UnwrapStage::kCharts;
+      if (is_first) told.push_back(progress.stage_fraction);
+    };
+    ASSERT_TRUE(Unwrap(mesh, {}, control).ok());
+    EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+    EXPECT_EQ(told.front(), 0);
+    EXPECT_GE(told.back(), 0.8);
+    EXPECT_LE(told.back(), 1);
+    EXPECT_GE(std::set<double>(told.begin(), told.end()).size(), 10u);
+    for (std::size_t i = 1; i < told.size(); ++i) EXPECT_LE(told[i] - told[i - 1], 0.35) << i;
+  }
+}
+
 // Between what its progress tells of.
 TEST(AnyMesh, CanBeCancelledAnywhereInTheFirstStage) {
   const Mesh mesh = testing::Torus(80, 40);

@@ -9,6 +9,7 @@
 #include "core/mesh/box_tree.h"
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
+#include "core/mesh/local_origin.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/spatial_order.h"
 #include "gmock/gmock.h"
@@ -273,6 +274,48 @@ TEST(BoxTree, FindsWhatBruteForceFinds) {
     }
     EXPECT_THAT(found, ::testing::UnorderedElementsAreArray(expected));
   }
+}
+
+// How far rounding to float moves a vertex, over the longest side of the box.
+double RoundingError(const std::vector<Vec3>& positions, const Vec3& origin) {
+  double worst = 0;
+  Vec3 low = positions.front(), high = low;
+  for (const Vec3& p : positions) {
+    const Vec3 near = p - origin;
+    worst = std::max(worst, (near.cast<float>().cast<double>() - near).cwiseAbs().maxCoeff());
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  return worst / (high - low).maxCoeff();
+}
+
+TEST(LocalOrigin, KeepsTheDigitsOfAMeshFarFromTheOrigin) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const double side : {1e-3, 0.7, 30.0, 1e5}) {
+    for (const double distance : {0.0, 1.0, 3.0, 1e3, 1e7}) {
+      const Vec3 place(distance * side, -distance * side / 3, 0.1 * distance * side);
+      std::vector<Vec3> positions;
+      for (int i = 0; i < 200; ++i) {
+        positions.push_back(place + side * Vec3(unit(random), 0.3 * unit(random), unit(random)));
+      }
+      const Vec3 origin = LocalOrigin(positions);
+      EXPECT_LE(RoundingError(positions, origin), std::ldexp(1.0, -23)) << side << " " << distance;
+      for (const Vec3& p : positions) {
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_EQ(static_cast<long double>(p[axis]) - origin[axis], p[axis] - origin[axis]) << "exactly";
+        }
+      }
+    }
+  }
+}
+
+TEST(LocalOrigin, IsZeroWhereNothingIsLost) {
+  EXPECT_EQ(LocalOrigin({}), Vec3::Zero());
+  EXPECT_EQ(LocalOrigin({{0.1, 0.2, 0.3}}), Vec3::Zero()) << "one point";
+  EXPECT_EQ(LocalOrigin({{0, 0, 0}, {0.1, 0.7, 0.2}}), Vec3::Zero()) << "in a corner at the origin";
+  EXPECT_EQ(LocalOrigin({{20000, 0, 0}, {20001, 1, 1}, {20000.5, 0, 1}}), Vec3::Zero()) << "floats";
+  EXPECT_EQ(LocalOrigin({{20000.1, NAN, 0}, {20001, 1, INFINITY}, {20000, 0, 1}}), Vec3(20000.5, 0, 0));
 }
 
 }  // namespace

@@ -5,10 +5,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <set>
+#include <sstream>
 #include <thread>
 
 #include "core/base/sanitizers.h"
@@ -124,6 +126,37 @@ TEST_F(UnwrapTest, OtherFormatsIn) {
     EXPECT_EQ(run.exit_code, 0) << name << run.err;
     EXPECT_THAT(run.err, HasSubstr("Flattened 128 triangles"));
     EXPECT_THAT(ReadFile(output), HasSubstr("\nvt "));
+  }
+}
+
+// A torus had 20 charts as PLY, then 64, 83, 92: vertices that a seam had split were taken for borders of the surface.
+TEST_F(UnwrapTest, WhatWasUnwrappedIsTheSameSurface) {
+  constexpr int kN = 24;
+  std::ostringstream obj;
+  for (int i = 0; i < kN * kN; ++i) {
+    const double a = 2 * 3.14159265358979 * (i % kN) / kN, b = 2 * 3.14159265358979 * (i / kN) / kN;
+    obj << "v " << (2 + std::cos(a)) * std::cos(b) << " " << (2 + std::cos(a)) * std::sin(b) << " " << std::sin(a)
+        << "\n";
+  }
+  for (int i = 0; i < kN; ++i) {
+    for (int j = 0; j < kN; ++j) {
+      const auto v = [](int row, int column) { return row % kN * kN + column % kN + 1; };
+      obj << "f " << v(i, j) << " " << v(i, j + 1) << " " << v(i + 1, j + 1) << " " << v(i + 1, j) << "\n";
+    }
+  }
+  const std::string source = File("torus.obj", obj.str());
+  for (const std::string extension : {".ply", ".off", ".obj", ".glb", ".drc"}) {
+    std::string input = source;
+    std::vector<int> charts;
+    for (int round = 0; round < 3; ++round) {
+      const std::string output = directory_.Path("round" + std::to_string(round) + extension);
+      const Outcome run = Planish({"unwrap", input, "-o", output, "--json"});
+      ASSERT_EQ(run.exit_code, 0) << run.err;
+      charts.push_back(json::parse(run.out)["chart_totals"]["charts"]);
+      input = output;
+    }
+    EXPECT_EQ(charts, std::vector<int>(3, charts[0])) << extension;
+    EXPECT_GT(charts[0], 1);
   }
 }
 

@@ -8,12 +8,16 @@
 #include "Eigen/Geometry"
 #include "client/files/gltf_mesh.h"
 #include "client/files/mesh_output.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/files/gltf_fixture.h"
 #include "tests/files/sample_meshes.h"
 
 namespace planish {
 namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 MeshFile ReadBytes(const std::string& name, const std::string& bytes, int texcoord = 0) {
   PutFile(TemporaryPath(name), bytes);
@@ -381,7 +385,7 @@ TEST(GltfReader, NamesTheElementAtFault) {
 }
 
 // The bytes of `fixture` as gltfpack would compress them, behind a buffer that stands in for the old ones.
-GltfFixture Meshopted(const GltfFixture& fixture) {
+GltfFixture Meshopted(const GltfFixture& fixture, const char* extension = "EXT_meshopt_compression") {
   GltfFixture result = fixture;
   result.buffer.clear();
   for (Json& view : result.json["bufferViews"]) {
@@ -410,38 +414,76 @@ GltfFixture Meshopted(const GltfFixture& fixture) {
       continue;
     }
     view["buffer"] = 1;
-    view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
-                                                     {"byteOffset", result.buffer.size()},
-                                                     {"byteLength", packed.size()},
-                                                     {"byteStride", stride},
-                                                     {"count", count},
-                                                     {"mode", is_index ? "INDICES" : "ATTRIBUTES"}};
+    view["extensions"][extension] = {{"buffer", 0},
+                                     {"byteOffset", result.buffer.size()},
+                                     {"byteLength", packed.size()},
+                                     {"byteStride", stride},
+                                     {"count", count},
+                                     {"mode", is_index ? "INDICES" : "ATTRIBUTES"}};
     result.buffer.append(packed.begin(), packed.end());
   }
   result.json["buffers"][0]["byteLength"] = result.buffer.size();
   result.json["buffers"][1] = {{"byteLength", fixture.buffer.size()},
-                               {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}};
+                               {"extensions", {{extension, {{"fallback", true}}}}}};
   for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
-    result.json[list].push_back("EXT_meshopt_compression");
+    result.json[list].push_back(extension);
   }
   return result;
 }
 
 TEST(GltfReader, ReadsMeshoptCompression) {
   const MeshFile file = ReadBytes("plain.glb", SampleGltf().Glb());
-  const MeshFile packed = ReadBytes("packed.glb", Meshopted(SampleGltf()).Glb());
-  EXPECT_EQ(packed.mesh.corner_vertex, file.mesh.corner_vertex);
-  EXPECT_EQ(packed.mesh.positions, file.mesh.positions);
-  EXPECT_EQ(packed.mesh.corner_texcoord, file.mesh.corner_texcoord);
-  EXPECT_EQ(packed.mesh.texcoords, file.mesh.texcoords);
-  // It is written without that compression, and is whole all the same.
-  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
-  const MeshFile again = Written(packed, uv, "out.glb");
-  EXPECT_EQ(again.bytes.find("meshopt"), std::string::npos);
-  EXPECT_EQ(UvOf(again.mesh), uv);
-  for (const char* kept : {"POSITION", "COLOR_0", "WEIGHTS_0"}) {
-    EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept)) << kept;
+  for (const char* extension : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
+    const MeshFile packed = ReadBytes("packed.glb", Meshopted(SampleGltf(), extension).Glb());
+    EXPECT_EQ(packed.mesh.corner_vertex, file.mesh.corner_vertex);
+    EXPECT_EQ(packed.mesh.positions, file.mesh.positions);
+    EXPECT_EQ(packed.mesh.corner_texcoord, file.mesh.corner_texcoord);
+    EXPECT_EQ(packed.mesh.texcoords, file.mesh.texcoords);
+    // It is written without that compression, and is whole all the same.
+    const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+    const MeshFile again = Written(packed, uv, "out.glb");
+    EXPECT_EQ(again.bytes.find("meshopt"), std::string::npos);
+    EXPECT_EQ(UvOf(again.mesh), uv);
+    for (const char* kept : {"POSITION", "COLOR_0", "WEIGHTS_0"}) {
+      EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept)) << kept;
+    }
   }
+}
+
+// Version 1 of the codec for vertices came with KHR_meshopt_compression, as the filter COLOR did.
+TEST(GltfReader, NamesMeshoptStreamsThatAreTooNew) {
+  constexpr char kName[] = "KHR_meshopt_compression";
+  const auto first_view = [&](GltfFixture* fixture) -> Json& {
+    for (Json& view : fixture->json["bufferViews"]) {
+      if (view.contains("extensions")) return view;
+    }
+    return fixture->json;
+  };
+  const auto status = [&](const GltfFixture& fixture) {
+    PutFile(TemporaryPath("new.glb"), fixture.Glb());
+    return ReadMeshFile(TemporaryPath("new.glb")).status();
+  };
+  GltfFixture version = Meshopted(SampleGltf(), kName);
+  const Json& stream = first_view(&version)["extensions"][kName];
+  char& header = version.buffer[stream["byteOffset"].get<std::size_t>()];
+  ASSERT_EQ(header & 0xff, 0xa0);
+  header = '\xa1';
+  EXPECT_EQ(Reason(status(version)), "FILE_UNSUPPORTED");
+  EXPECT_THAT(std::string(status(version).message()), AllOf(HasSubstr(kName), HasSubstr("gltfpack")));
+  GltfFixture color = Meshopted(SampleGltf(), kName);
+  first_view(&color)["extensions"][kName]["filter"] = "COLOR";
+  EXPECT_EQ(Reason(status(color)), "FILE_UNSUPPORTED");
+
+  // Who does not require the extension has the bytes in plain, too.
+  GltfFixture fallback = SampleGltf();
+  Json& view = fallback.json["bufferViews"][0];
+  view["extensions"][kName] = {{"buffer", 0}, {"byteLength", 4},   {"byteStride", 4},
+                               {"count", 1},  {"filter", "COLOR"}, {"mode", "ATTRIBUTES"}};
+  fallback.json["extensionsUsed"].push_back(kName);
+  const MeshFile file = ReadBytes("fallback.glb", fallback.Glb());
+  EXPECT_EQ(file.mesh.positions, ReadBytes("plain.glb", SampleGltf().Glb()).mesh.positions);
+  EXPECT_EQ(Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb").bytes.find("meshopt"),
+            std::string::npos);
 }
 
 TEST(GltfReader, RefusesDamagedMeshoptCompression) {
@@ -478,8 +520,6 @@ TEST(GltfReader, RefusesWhatItCannotFollow) {
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "https://example.com/a.bin"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "/dev/zero"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "../../../../../../../../dev/zero"; }), "FILE_UNREADABLE");
-  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("KHR_meshopt_compression"); }),
-            "FILE_UNSUPPORTED");
   PutFile(TemporaryPath("deep.gltf"), std::string(100000, '['));
   EXPECT_EQ(Reason(ReadMeshFile(TemporaryPath("deep.gltf")).status()), "FILE_MALFORMED");
 }

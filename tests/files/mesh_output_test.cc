@@ -141,6 +141,33 @@ TEST(Output, MaterialsAndGroupsGoFromObjToGltfAndBack) {
   EXPECT_EQ(back.mesh.polygon_material, glb.mesh.polygon_material);
 }
 
+// glTF has floats: nodes take the mesh to where it belongs. Draco has nothing of the kind.
+TEST(Output, PositionsFarFromTheOriginSurviveOrAreWarnedOf) {
+  const MeshFile file = ReadObjText("v 20000.0001 0 0\nv 20000.0012 0 0\nv 20000.0012 0.0011 0\nf 1 2 3\n");
+  const std::vector<double> uv = {0, 0, 1, 0, 1, 1};
+  OutputOptions options;
+  options.path = TemporaryPath("far.gltf");
+  options.format = MeshFormat::kGltf;
+  const auto gltf = WriteMeshWithUv(file, uv, options);
+  ASSERT_TRUE(gltf.ok()) << gltf.status();
+  EXPECT_TRUE(gltf->warnings.empty());
+  for (const OutputFile& output : gltf->files) PutFile(output.path, output.bytes);
+  const MeshFile again = ReadMeshFile(options.path).value();
+  const Json& translation = again.gltf->document.json["nodes"][0]["translation"];
+  for (std::size_t v = 0; v < 3; ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double place = again.mesh.positions[v][axis] + translation[static_cast<std::size_t>(axis)].get<double>();
+      EXPECT_NEAR(place, file.mesh.positions[v][axis], 1e-9) << v << " " << axis;
+    }
+  }
+  options.path = TemporaryPath("far.drc");
+  options.format = MeshFormat::kDraco;
+  const auto draco = WriteMeshWithUv(file, uv, options);
+  ASSERT_TRUE(draco.ok()) << draco.status();
+  ASSERT_EQ(draco->warnings.size(), 1u);
+  EXPECT_EQ(draco->warnings[0].reason, "POSITION_PRECISION");
+}
+
 TEST(Output, StlIsRefusedWithAWayOut) {
   OutputOptions options;
   options.path = "a.stl";

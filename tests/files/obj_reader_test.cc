@@ -39,6 +39,11 @@ TEST(ObjReader, FacesMayComeBeforeVertices) {
   EXPECT_THAT(file.mesh.vertex_line, ElementsAre(2, 3, 4));
 }
 
+TEST(ObjReader, FoIsTheOldNameOfAFace) {
+  const MeshFile file = ReadObjText("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nfo 1 3 \\\n 4\n");
+  EXPECT_THAT(file.mesh.corner_vertex, ElementsAre(0, 1, 2, 0, 2, 3));
+}
+
 TEST(ObjReader, PolygonsOfAnySize) {
   const MeshFile file = ReadObjText("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv -1 1 0\nf 1 2 3 4 5\nf 1 2 3\nf 4 3 2 1\n");
   EXPECT_THAT(file.mesh.polygon_begin, ElementsAre(0, 5, 8, 12));

@@ -27,7 +27,8 @@ TEST(PlyWriter, KeepsElementsPropertiesAndComments) {
       "element face 2\r\nproperty uchar flag\r\nproperty list uchar uchar vertex_index\r\nobj_info x\r\nend_header\r\n"
       "2 0.10 7e0\r\n7 0.50 0 0\r\n8 1 0 0\r\n9 1 1 0\r\n10 0 1 0\r\n1 3 0 1 2\r\n2 3 0 2 3\r\n";
   EXPECT_EQ(WithUv("a.ply", before, true),
-            "ply\r\nformat ascii 1.0\r\ncomment by hand\r\nelement camera 1\r\nproperty list uchar float ray\r\n"
+            "ply\r\nformat ascii 1.0\r\ncomment by hand\r\ncomment planish_seam_copies 1\r\n"
+            "element camera 1\r\nproperty list uchar float ray\r\n"
             "element vertex 5\r\nproperty uchar red\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\n"
             "property float s\r\nproperty float t\r\n"
             "element face 2\r\nproperty uchar flag\r\nproperty list uchar uchar vertex_index\r\nobj_info x\r\n"
@@ -80,7 +81,8 @@ TEST(OffWriter, KeepsColoursAndComments) {
                    "# top\nCOFF\n4 2 0 # counts\n0 0 0  255 0 0\n1 0 0 255 0 0 # corner\n1 1 0 0 0 0\n0 1 0 0 0 0\n"
                    "3 0 1 2 0.5\n3 0 2 3 # last\n",
                    true),
-            "# top\nSTCOFF\n5 2 0 # counts\n0 0 0  255 0 0 0 0\n1 0 0 255 0 0 1 0 # corner\n1 1 0 0 0 0 1 1\n"
+            "# top\nSTCOFF\n# planish_seam_copies 1\n5 2 0 # counts\n0 0 0  255 0 0 0 0\n1 0 0 255 0 0 1 0 # corner\n1 "
+            "1 0 0 0 0 1 1\n"
             "0 1 0 0 0 0 0 1\n0 0 0 255 0 0 0 0.5\n3 0 1 2 0.5\n3 4 2 3 # last\n");
 }
 

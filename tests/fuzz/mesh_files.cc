@@ -57,6 +57,7 @@ void CheckMesh(const PolygonMesh& mesh) {
     Require(mesh.polygon_begin[p + 1] - mesh.polygon_begin[p] >= 3, "polygons have three corners");
   }
   CheckIds(mesh.corner_vertex, corners, mesh.positions.size(), false);
+  CheckIds(mesh.corner_file_vertex, corners, mesh.positions.size(), false);
   CheckIds(mesh.corner_texcoord, corners, mesh.texcoords.size(), true);
   CheckIds(mesh.polygon_material, polygons, mesh.material_names.size(), true);
   CheckIds(mesh.polygon_group, polygons, mesh.group_names.size(), true);
@@ -79,6 +80,7 @@ void CheckRoundTrip(MeshFile file) {
   Require(again->corner_vertex.size() == mesh.corner_vertex.size(), "writing keeps corners");
   if (file.format == MeshFormat::kGlb) return;  // vertices without a face may give way to copies of others
   Require(again->corner_vertex == mesh.corner_vertex, "writing keeps the vertices of corners");
+  Require(again->corner_file_vertex == mesh.corner_file_vertex, "writing keeps the file's vertices of corners");
   Require(again->polygon_begin == mesh.polygon_begin, "writing keeps polygons");
 }
 

@@ -71,6 +71,7 @@ class Progress:
     chart: int = 0
     chart_count: int = 0
     newton_iteration: int = 0
+    stage_fraction: float = 0.0
 
     def __str__(self):
         if self.stage != "solve" or self.chart_count == 0:
@@ -81,7 +82,7 @@ class Progress:
     def fraction(self):
         if self.stage not in STAGES:
             return 0.0
-        within = self.chart / self.chart_count if self.stage == "solve" and self.chart_count else 0.0
+        within = self.chart / self.chart_count if self.stage == "solve" and self.chart_count else self.stage_fraction
         return (STAGES.index(self.stage) + within) / len(STAGES)
 
 
@@ -200,7 +201,7 @@ class _PackageCall:
             raise self._failed(error) from error
 
     def _note(self, progress):
-        self.progress = Progress(progress.stage, progress.chart, progress.chart_count, progress.newton_iteration)
+        self.progress = Progress(**{name: getattr(progress, name) for name in Progress.__dataclass_fields__})
 
     def done(self):
         return self._call.done()

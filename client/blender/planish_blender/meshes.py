@@ -1,5 +1,6 @@
 """From Blender's meshes to arrays of triangles, and UV back to the loops of polygons."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,7 +92,25 @@ def _scaled(object, positions):
     determinant = np.linalg.det(matrix)
     if determinant == 0 or not np.isfinite(determinant) or np.array_equal(matrix, np.eye(3)):
         return positions
-    return (positions.astype(np.float64) @ (np.sign(determinant) * matrix).T).astype(np.float32)
+    scaled = positions.astype(np.float64) @ (np.sign(determinant) * matrix).T
+    return (scaled - _local_origin(scaled)).astype(np.float32)
+
+
+def _local_origin(positions):
+    """What to subtract from doubles before they are rounded to float32: the rule of core/mesh/local_origin.h."""
+    origin = np.zeros(3)
+    finite = np.where(np.isfinite(positions), positions, np.nan)
+    if len(positions) == 0 or np.isnan(finite).all(axis=0).any():
+        return origin
+    low, high = np.nanmin(finite, axis=0), np.nanmax(finite, axis=0)
+    side = float((high - low).max())
+    if side <= 0 or np.array_equal(positions, positions.astype(np.float32)):
+        return origin
+    step = math.ldexp(1.0, math.frexp(side)[1] - 2)
+    middle = low / 2 + high / 2
+    is_far = (np.abs(middle) > side) & (step > 0)
+    origin[is_far] = np.floor(middle[is_far] / step + 0.5) * step
+    return origin
 
 
 # Seams ------------------------------------------------------------------------------------------------------------------

@@ -25,7 +25,8 @@ namespace planish::inline abi0 {
 
 // A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
 // `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
-// float. Vertices without a triangle are allowed and ignored.
+// float. Where that would lose digits of a mesh far from the origin, a common point is subtracted from all positions
+// before, in double. Vertices without a triangle are allowed and ignored.
 class MeshView {
  public:
   using Positions = std::variant<std::span<const float>, std::span<const double>>;
@@ -209,9 +210,10 @@ struct Progress {
   double linear_residual = 0;          // relative, of the present linear solve; 0 between solves
   Residual residual;                   // after newton_iteration steps
   double energy = 0;
-  double step_length = 0;  // fraction of the last Newton step taken
-  Seconds elapsed{0};      // since the worker began
-  double tolerance = 0;    // largest residual that ends the solve as converged
+  double step_length = 0;     // fraction of the last Newton step taken
+  Seconds elapsed{0};         // since the worker began
+  double tolerance = 0;       // largest residual that ends the solve as converged
+  double stage_fraction = 0;  // of the stage that is done, roughly; 0 in stages that do not tell
 };
 
 // How the boundary control of a chart went.
@@ -280,6 +282,7 @@ struct Atlas {
   AtlasLayout layout = AtlasLayout::kUdim;
   // With WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty.
   std::vector<AtlasPart> atlases = {};
+  double padding_kept = 0;  // texels that are free between charts: `padding`, or less where there was no room
 };
 
 // Measured on the delivered UV with exact predicates.

@@ -21,7 +21,7 @@ _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions
 class NewJob:
     """A mesh and what is to be done with it."""
 
-    positions: Any  #: (V, 3), real numbers in any unit; they travel in single precision
+    positions: Any  #: (V, 3), real numbers in any unit; they travel in single precision, doubles far from the origin less a common point
     triangles: Any  #: (F, 3), integers: three vertices each, 0-based, counter-clockwise seen from outside
     seam_edges: Any = None  #: (E, 2): pairs of vertices between which a given seam runs
     seam_corners: Any = None  #: corner 3 f + k faces the edge between the other two corners of triangle f: a given seam

@@ -100,6 +100,7 @@ class Progress:
     step_length: float = 0.0  #: fraction of the last Newton step that was taken
     elapsed_seconds: float = 0.0  #: since the worker began
     tolerance: float = 0.0  #: largest residual that ends the solve as converged
+    stage_fraction: float = 0.0  #: of the stage that is done, roughly; 0 in stages that do not tell
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,7 @@ class AtlasReport:
     effort: str = "normal"
     layout: str = "udim"
     atlases: List[AtlasPart] = field(default_factory=list)  #: with `face_atlas`: one for each number, 1024 at most
+    padding_kept: float = 0.0  #: texels that are free between charts: `padding`, or less where there was no room
 
 
 @dataclass(frozen=True)

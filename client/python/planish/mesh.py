@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Dict, Optional
 
@@ -73,8 +74,11 @@ def pack_mesh(
 
     The parameters are those of :meth:`planish.Client.unwrap`.
     """
-    xyz = _positions(positions)
+    values, xyz = _positions(positions)
     faces = _triangles(triangles, len(xyz))
+    origin = _local_origin(values, faces)
+    if origin.any():
+        xyz = (values - origin).astype("<f4")
     polygon = _of_faces("face_polygon", face_polygon, len(faces), "iu", "integers", 0, len(faces) - 1)
     given = [_corners("seam_corners", seam_corners, len(faces))]
     if seam_edges is not None:
@@ -140,6 +144,7 @@ def _check_shape(argument: str, array: Any, columns: Optional[int], reason: str)
 
 
 def _positions(value: Any) -> Any:
+    """The array as it is given, and rounded to float32."""
     reason = "MESH_POSITION_INVALID"
     array = _as_array("positions", value, "fiu", "real numbers", reason)
     _check_shape("positions", array, 3, reason)
@@ -154,7 +159,26 @@ def _positions(value: Any) -> Any:
         if len(bad) > 1:
             message += f"; {len(bad)} vertices have such"
         raise _refused("positions", message, "MESH_POSITION_NOT_FINITE", {"vertices": ids})
-    return floats
+    return array, floats
+
+
+def _local_origin(positions: Any, faces: Any) -> Any:
+    """The point to subtract from positions, in double, before they are rounded: the rule of core/mesh/local_origin.h."""
+    origin = np.zeros(3)
+    if positions.dtype.kind == "f" and positions.dtype.itemsize <= 4:
+        return origin
+    is_used = np.zeros(len(positions), bool)
+    is_used[faces.reshape(-1)] = True
+    used = positions[is_used].astype(np.float64)
+    low, high = used.min(axis=0), used.max(axis=0)
+    side = float((high - low).max())
+    if side <= 0 or np.array_equal(used, used.astype(np.float32)):
+        return origin
+    step = math.ldexp(1.0, math.frexp(side)[1] - 2)
+    middle = low / 2 + high / 2
+    is_far = (np.abs(middle) > side) & (step > 0)
+    origin[is_far] = np.floor(middle[is_far] / step + 0.5) * step
+    return origin
 
 
 def _triangles(value: Any, vertices: int) -> Any:

@@ -158,7 +158,7 @@ class Atlas:
 
     def add_mesh(self, positions: Any, indices: Any, normals: Any = None, uvs: Any = None) -> None:
         """`positions` (N, 3) and `indices` (F, 3) of any real types. `normals` and `uvs` are checked and ignored."""
-        vertices = _array("Position", positions, np.float32, 3)
+        vertices = _array("Position", positions, np.result_type(np.asarray(positions), np.float32), 3)
         faces = _array("Index", indices, np.uint32, 3)
         if normals is not None:
             _array("Normal", normals, np.float32, 3, len(vertices))

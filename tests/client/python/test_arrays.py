@@ -101,6 +101,22 @@ class Arrays(unittest.TestCase):
         self.assertEqual(plain.sha256(), pack_mesh(positions.astype(np.float32), triangles).sha256())
         self.assertEqual(plain.triangle_count, 12)
 
+    def test_positions_far_from_the_origin_keep_their_digits(self):
+        positions, triangles = support.cube()
+        fine = positions / 1024 + 1 / 3
+        near = positions * 1.1
+        self.assertEqual(pack_mesh(near, triangles).positions, near.astype("<f4").tobytes(), "near the origin: as it is")
+        corners = fine - fine[0]
+        for offset in ((20000, 0, 0), (-500000, 4000000, 300), (20000.25, 20000.5, -20000.75)):
+            packed = np.frombuffer(pack_mesh(fine + offset, triangles).positions, "<f4").reshape(-1, 3).astype(float)
+            self.assertLess(np.abs(packed - packed[0] - corners).max(), 1e-8, offset)
+            floats = (fine + offset).astype(np.float32)
+            self.assertEqual(pack_mesh(floats, triangles).positions, floats.tobytes(), "floats travel as they are")
+            self.assertEqual(pack_mesh(floats.astype(float), triangles).positions, floats.tobytes())
+        stray = np.vstack([fine + 20000, [[1e30, 0, 0]]])
+        packed = np.frombuffer(pack_mesh(stray, triangles).positions, "<f4").reshape(-1, 3)[:-1].astype(float)
+        self.assertLess(np.abs(packed - packed[0] - corners).max(), 1e-8, "a vertex without a triangle does not count")
+
     def test_names_of_options(self):
         with self.assertRaisesRegex(TypeError, "'paddding'"):
             new_job(None, None, None, None, None, "", {"paddding": 3})

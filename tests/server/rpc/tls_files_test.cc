@@ -63,6 +63,11 @@ TEST_F(TlsFilesTest, FilesThatAreNoneAreNamed) {
   EXPECT_THAT(ErrorOf({none, key_, ""}), HasSubstr("cannot read the certificate " + none + ": No such file"));
   EXPECT_THAT(ErrorOf({cert_, none, ""}), HasSubstr("cannot read the key " + none));
   EXPECT_THAT(ErrorOf({cert_, key_, none}), HasSubstr("cannot read the clients' CA " + none));
+  // These said "Success" where the file could be opened.
+  const std::string empty = Write("empty", "");
+  EXPECT_EQ(ErrorOf({empty, key_, ""}), empty + ": no certificate in PEM");
+  const std::string folder = std::string(dir_.Path("."));
+  EXPECT_EQ(ErrorOf({folder, key_, ""}), "cannot read the certificate " + folder + ": Is a directory");
   const std::string text = Write("text", "hello\n");
   EXPECT_EQ(ErrorOf({text, key_, ""}), text + ": no certificate in PEM");
   EXPECT_EQ(ErrorOf({cert_, text, ""}), text + ": no private key in PEM");

@@ -1,0 +1,14 @@
+// A small file as text: settings, certificates, lists.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+
+namespace planish {
+
+// All bytes of the file; an empty file has none. INVALID_ARGUMENT: "cannot read WHAT PATH: No such file or directory",
+// with the system's reason.
+absl::StatusOr<std::string> ReadTextFile(const std::string& what, const std::string& path);
+
+}  // namespace planish
