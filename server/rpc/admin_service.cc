@@ -56,7 +56,7 @@ class AdminService : public admin::v1::Admin::CallbackService {
 
   grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, std::function<absl::Status()> act) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    thread_.Post([this, context, reactor, act = std::move(act)] {
+    thread_.Post("", [this, context, reactor, act = std::move(act)] {
       const absl::Status admitted = Admit(*context);
       reactor->Finish(ToGrpcStatus(admitted.ok() ? act() : admitted));
     });

@@ -23,10 +23,14 @@
 namespace planish {
 namespace {
 
-// For calls that ask the manager, and for those that move bytes of uploads, so that a few slow senders hold up nobody
-// else.
-constexpr int kCallThreads = 4;
-constexpr int kUploadThreads = 2;
+// Threads for calls that only read from the store, for those that write to it, and for those that move bytes of
+// uploads: what is quick does not wait for what is slow.
+constexpr int kReadThreads = 4;
+constexpr int kWriteThreads = 4;
+constexpr int kUploadThreads = 3;
+
+// What a call does to the store.
+enum class Access { kReads, kWrites };
 
 // Where a server does not say how much a message may hold.
 constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
@@ -42,6 +46,9 @@ constexpr std::int64_t kMostResultBytes = std::int64_t{1} << 20;
 
 // Of a BatchCreateJobs and a FindMissingMeshes.
 constexpr int kMostInBatch = 1000;
+// Jobs of a batch that are committed together: a sync for each would take longer than all the rest, and more of them
+// would hold up other writers for longer.
+constexpr int kBatchSlice = 50;
 
 absl::Status FieldIsWrong(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", field}});
@@ -105,7 +112,7 @@ class PlanishService : public v1::Planish::CallbackService {
         uploads_(uploads),
         callers_(callers),
         options_(std::move(options)),
-        surroundings_{streams, &call_threads_, options_.progress_per_second} {
+        surroundings_{streams, options_.progress_per_second} {
     if (options_.capabilities.upload_chunk_bytes() <= 0) {
       options_.capabilities.set_upload_chunk_bytes(kDefaultChunkBytes);
     }
@@ -113,32 +120,37 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerWriteReactor<v1::UnwrapResponse>* Unwrap(grpc::CallbackServerContext* context,
                                                        const v1::UnwrapRequest* request) override {
-    JobFinder create = [this, context, request]() -> absl::StatusOr<WatchedJob> {
-      PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kSubmit));
-      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted,
-                               Create(caller, *context, SpecOf(*request), request->request_id(), !request->detached()));
+    const absl::StatusOr<Caller> caller = Admit(*context, Need::kSubmit);
+    JobFinder create = [this, context, request, caller]() -> absl::StatusOr<WatchedJob> {
+      PLANISH_RETURN_IF_ERROR(caller.status());
+      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, Create(*caller, *context, SpecOf(*request), request->request_id(),
+                                                            !request->detached()));
       return WatchedJob{std::move(accepted.events), std::move(accepted.attachment)};
     };
     JobStream::Position position;
     position.include_uv = true;
-    return StreamUnwrap(context, std::move(create), position, surroundings_);
+    const TenantTasks tasks = TasksOf(caller, Access::kWrites);
+    return StreamUnwrap(context, {std::move(create), tasks, tasks}, position, surroundings_);
   }
 
   grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext* context,
                                                            const v1::WatchJobRequest* request) override {
     const JobStream::Position position = {request->after_sequence(), request->include_uv(), request->uv_offset()};
-    JobFinder find = [this, context, request, position]() -> absl::StatusOr<WatchedJob> {
-      PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kNothing));
-      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+    const absl::StatusOr<Caller> caller = Admit(*context, Need::kNothing);
+    JobFinder find = [this, request, caller, position]() -> absl::StatusOr<WatchedJob> {
+      PLANISH_RETURN_IF_ERROR(caller.status());
+      PLANISH_RETURN_IF_ERROR(CheckOwn(*caller));
       PLANISH_RETURN_IF_ERROR(Validate(position));
-      return manager_->Watch(caller, request->name(), request->attach(), request->include_uv());
+      return manager_->Watch(*caller, request->name(), request->attach(), request->include_uv());
     };
-    return StreamWatchJob(context, std::move(find), position, surroundings_);
+    const TenantTasks writes = TasksOf(caller, Access::kWrites);
+    const TenantTasks find_on = request->attach() ? writes : TasksOf(caller, Access::kReads);
+    return StreamWatchJob(context, {std::move(find), find_on, writes}, position, surroundings_);
   }
 
   grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context, const v1::CreateJobRequest* request,
                                       v1::Job* response) override {
-    return Answer(context, Need::kSubmit, response,
+    return Answer(context, Need::kSubmit, Access::kWrites, response,
                   [this, context, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
                     PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, Create(caller, *context, SpecOf(*request),
                                                                           request->request_id(), /*attached=*/false));
@@ -149,30 +161,21 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerUnaryReactor* BatchCreateJobs(grpc::CallbackServerContext* context,
                                             const v1::BatchCreateJobsRequest* request,
                                             v1::BatchCreateJobsResponse* response) override {
-    return Answer(context, Need::kSubmit, response,
-                  [this, context, request](const Caller& caller) -> absl::StatusOr<v1::BatchCreateJobsResponse> {
-                    PLANISH_RETURN_IF_ERROR(CheckCount("requests", request->requests_size()));
-                    v1::BatchCreateJobsResponse answer;
-                    for (int i = 0; i < request->requests_size(); ++i) {
-                      const v1::CreateJobRequest& each = request->requests(i);
-                      absl::StatusOr<AcceptedJob> accepted =
-                          Create(caller, *context, SpecOf(each), each.request_id(), /*attached=*/false);
-                      v1::BatchCreateJobsResponse::Result* result = answer.add_results();
-                      if (accepted.ok()) {
-                        *result->mutable_job() = InView(std::move(accepted->job), v1::JOB_VIEW_BASIC);
-                      } else {
-                        *result->mutable_error() =
-                            ToCallStatus(WithinField(accepted.status(), absl::StrCat("requests[", i, "].")));
-                      }
-                    }
-                    return answer;
-                  });
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    absl::StatusOr<Caller> caller = Admit(*context, Need::kSubmit);
+    const absl::Status count = CheckCount("requests", request->requests_size());
+    if (!caller.ok() || !count.ok()) {
+      reactor->Finish(ToGrpcStatus(caller.ok() ? count : caller.status()));
+      return reactor;
+    }
+    CreateSlice({context, request, response, reactor, *std::move(caller)});
+    return reactor;
   }
 
   grpc::ServerUnaryReactor* FindMissingMeshes(grpc::CallbackServerContext* context,
                                               const v1::FindMissingMeshesRequest* request,
                                               v1::FindMissingMeshesResponse* response) override {
-    return Answer(context, Need::kSubmit, response,
+    return Answer(context, Need::kSubmit, Access::kReads, response,
                   [this, request](const Caller& caller) -> absl::StatusOr<v1::FindMissingMeshesResponse> {
                     PLANISH_RETURN_IF_ERROR(CheckCount("sha256", request->sha256_size()));
                     const std::vector<std::string> digests(request->sha256().begin(), request->sha256().end());
@@ -186,11 +189,12 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::Job* response) override {
-    return Answer(context, Need::kJobs, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
-      PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
-      PLANISH_ASSIGN_OR_RETURN(v1::Job job, manager_->Get(caller, request->name()));
-      return InView(std::move(job), request->view());
-    });
+    return Answer(context, Need::kJobs, Access::kReads, response,
+                  [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+                    PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
+                    PLANISH_ASSIGN_OR_RETURN(v1::Job job, manager_->Get(caller, request->name()));
+                    return InView(std::move(job), request->view());
+                  });
   }
 
   grpc::ServerUnaryReactor* WaitJob(grpc::CallbackServerContext* context, const v1::WaitJobRequest* request,
@@ -201,9 +205,9 @@ class PlanishService : public v1::Planish::CallbackService {
       const google::protobuf::Duration& timeout = request->timeout();
       wait.timeout = std::min(absl::Seconds(timeout.seconds()) + absl::Nanoseconds(timeout.nanos()), kLongestWait);
     }
-    const auto caller = std::make_shared<Caller>();
-    wait.find = [this, context, request, caller, timeout = wait.timeout]() -> absl::StatusOr<WatchedJob> {
-      PLANISH_ASSIGN_OR_RETURN(*caller, Admit(*context, Need::kNothing));
+    const absl::StatusOr<Caller> caller = Admit(*context, Need::kNothing);
+    wait.find = [this, request, caller, timeout = wait.timeout]() -> absl::StatusOr<WatchedJob> {
+      PLANISH_RETURN_IF_ERROR(caller.status());
       PLANISH_RETURN_IF_ERROR(CheckOwn(*caller));
       PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
       if (timeout < absl::ZeroDuration()) return FieldIsWrong("timeout", "timeout is negative");
@@ -213,13 +217,13 @@ class PlanishService : public v1::Planish::CallbackService {
       PLANISH_ASSIGN_OR_RETURN(v1::Job job, manager_->Get(*caller, request->name(), /*may_follow=*/true));
       return InView(std::move(job), request->view());
     };
-    return AwaitJob(std::move(wait), &call_threads_, response);
+    return AwaitJob(std::move(wait), TasksOf(caller, Access::kReads), response);
   }
 
   grpc::ServerUnaryReactor* ReadResult(grpc::CallbackServerContext* context, const v1::ReadResultRequest* request,
                                        v1::ReadResultResponse* response) override {
     return Answer(
-        context, Need::kNothing, response,
+        context, Need::kNothing, Access::kReads, response,
         [this, request](const Caller& caller) -> absl::StatusOr<v1::ReadResultResponse> {
           PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
           if (request->offset() < 0) return FieldIsWrong("offset", "offset is negative");
@@ -237,7 +241,7 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
-    return Answer(context, Need::kJobs, response,
+    return Answer(context, Need::kJobs, Access::kReads, response,
                   [this, request](const Caller& caller) -> absl::StatusOr<v1::ListJobsResponse> {
                     PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
                     PLANISH_ASSIGN_OR_RETURN(JobPage page, manager_->List(caller, *request));
@@ -250,29 +254,31 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* StopJob(grpc::CallbackServerContext* context, const v1::StopJobRequest* request,
                                     v1::Job* response) override {
-    return Answer(context, Need::kNothing, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
-      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
-      return manager_->Stop(caller, request->name());
-    });
+    return Answer(context, Need::kNothing, Access::kWrites, response,
+                  [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+                    PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+                    return manager_->Stop(caller, request->name());
+                  });
   }
 
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context, const v1::CancelJobRequest* request,
                                       v1::Job* response) override {
-    return Answer(context, Need::kNothing, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
-      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
-      return manager_->Cancel(caller, request->name());
-    });
+    return Answer(context, Need::kNothing, Access::kWrites, response,
+                  [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+                    PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+                    return manager_->Cancel(caller, request->name());
+                  });
   }
 
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context, const v1::DeleteJobRequest* request,
                                       google::protobuf::Empty*) override {
-    return Answer(context, Need::kJobs,
+    return Answer(context, Need::kJobs, Access::kWrites,
                   [this, request](const Caller& caller) { return manager_->Delete(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* EstimateJob(grpc::CallbackServerContext* context, const v1::EstimateJobRequest* request,
                                         v1::JobEstimate* response) override {
-    return Answer(context, Need::kSubmit, response,
+    return Answer(context, Need::kSubmit, Access::kReads, response,
                   [this, request](const Caller& caller) -> absl::StatusOr<v1::JobEstimate> {
                     v1::JobSpec* const spec = SpecOf(*request);
                     const v1::JobSpec::MeshCase mesh = spec->mesh_case();
@@ -287,7 +293,7 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* context, const v1::CreateUploadRequest* request,
                                          v1::Upload* response) override {
-    return Answer(context, Need::kSubmit, response,
+    return Answer(context, Need::kSubmit, Access::kWrites, response,
                   [this, request](const Caller& caller) { return uploads_->Create(caller, *request); });
   }
 
@@ -299,23 +305,27 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* context, const v1::GetUploadRequest* request,
                                       v1::Upload* response) override {
-    return Answer(context, Need::kSubmit, response,
+    return Answer(context, Need::kSubmit, Access::kReads, response,
                   [this, request](const Caller& caller) { return uploads_->Get(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* DeleteUpload(grpc::CallbackServerContext* context, const v1::DeleteUploadRequest* request,
                                          google::protobuf::Empty*) override {
-    return Answer(context, Need::kSubmit,
+    return Answer(context, Need::kSubmit, Access::kWrites,
                   [this, request](const Caller& caller) { return uploads_->Delete(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
                                             v1::Capabilities* response) override {
-    return Answer(context, Need::kNothing, response, [this](const Caller& caller) -> absl::StatusOr<v1::Capabilities> {
-      v1::Capabilities capabilities = options_.capabilities;
-      if (options_.update_capabilities) options_.update_capabilities(caller, &capabilities);
-      return capabilities;
-    });
+    // At once, since clients ask this first: it needs no store.
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    const absl::StatusOr<Caller> caller = Admit(*context, Need::kNothing);
+    if (caller.ok()) {
+      *response = options_.capabilities;
+      if (options_.update_capabilities) options_.update_capabilities(*caller, response);
+    }
+    reactor->Finish(ToGrpcStatus(caller.status()));
+    return reactor;
   }
 
  private:
@@ -327,14 +337,67 @@ class PlanishService : public v1::Planish::CallbackService {
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, const grpc::CallbackServerContext& context,
                                      v1::JobSpec* spec, const std::string& request_id, bool attached) {
     const v1::JobSpec::MeshCase mesh = spec->mesh_case();
-    absl::StatusOr<JobRequest> job = TakeSpec(caller, spec, uploads_);
+    absl::StatusOr<JobRequest> job = TakeRequest(caller, context, spec, request_id, attached);
     if (!job.ok()) return WithinSpec(job.status(), mesh);
-    job->request_id = request_id;
-    job->attached = attached;
-    job->failpoint = Failpoint(context);
     absl::StatusOr<AcceptedJob> accepted = manager_->Create(caller, *std::move(job));
     if (!accepted.ok()) return WithinSpec(accepted.status(), mesh);
     return accepted;
+  }
+
+  absl::StatusOr<JobRequest> TakeRequest(const Caller& caller, const grpc::CallbackServerContext& context,
+                                         v1::JobSpec* spec, const std::string& request_id, bool attached) {
+    PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeSpec(caller, spec, uploads_));
+    job.request_id = request_id;
+    job.attached = attached;
+    job.failpoint = Failpoint(context);
+    return job;
+  }
+
+  // A BatchCreateJobs under way.
+  struct Batch {
+    grpc::CallbackServerContext* context;
+    const v1::BatchCreateJobsRequest* request;
+    v1::BatchCreateJobsResponse* response;  // has what was answered so far
+    grpc::ServerUnaryReactor* reactor;
+    Caller caller;
+  };
+
+  // Creates the next jobs of a batch, which are committed together. Other tenants, and other calls of this one, have
+  // their turn between two slices.
+  void CreateSlice(Batch batch) {
+    const TenantTasks tasks = {&write_threads_, batch.caller.tenant};
+    tasks.Post([this, batch = std::move(batch)]() mutable {
+      if (batch.context->IsCancelled()) return batch.reactor->Finish(grpc::Status::CANCELLED);
+      const int begin = batch.response->results_size();
+      const int end = std::min(begin + kBatchSlice, batch.request->requests_size());
+      std::vector<absl::Status> refused;  // of each; OK: it is one of `jobs`
+      std::vector<JobRequest> jobs;
+      std::vector<v1::JobSpec::MeshCase> meshes;
+      for (int i = begin; i < end; ++i) {
+        const v1::CreateJobRequest& each = batch.request->requests(i);
+        meshes.push_back(each.spec().mesh_case());
+        absl::StatusOr<JobRequest> job =
+            TakeRequest(batch.caller, *batch.context, SpecOf(each), each.request_id(), /*attached=*/false);
+        refused.push_back(job.status());
+        if (job.ok()) jobs.push_back(*std::move(job));
+      }
+      std::vector<absl::StatusOr<AcceptedJob>> accepted = manager_->CreateAll(batch.caller, std::move(jobs));
+      auto next = accepted.begin();
+      for (int i = begin; i < end; ++i) {
+        const auto at = static_cast<std::size_t>(i - begin);
+        absl::StatusOr<AcceptedJob> answer =
+            refused[at].ok() ? std::move(*next++) : absl::StatusOr<AcceptedJob>(refused[at]);
+        v1::BatchCreateJobsResponse::Result* result = batch.response->add_results();
+        if (answer.ok()) {
+          *result->mutable_job() = InView(std::move(answer->job), v1::JOB_VIEW_BASIC);
+        } else {
+          *result->mutable_error() =
+              ToCallStatus(WithinField(WithinSpec(answer.status(), meshes[at]), absl::StrCat("requests[", i, "].")));
+        }
+      }
+      if (end == batch.request->requests_size()) return batch.reactor->Finish(grpc::Status::OK);
+      CreateSlice(std::move(batch));
+    });
   }
 
   // Whoever makes this call, if they may.
@@ -345,20 +408,31 @@ class PlanishService : public v1::Planish::CallbackService {
     return caller;
   }
 
-  // Answers with what `ask`, on a task thread, says to the caller.
+  // Of a caller that was refused: those of nobody.
+  TenantTasks TasksOf(const absl::StatusOr<Caller>& caller, Access access) {
+    return {access == Access::kReads ? &read_threads_ : &write_threads_, caller.ok() ? caller->tenant : ""};
+  }
+
+  // Answers with what `ask`, on a task thread, says to the caller. A call that was cancelled before is skipped.
   template <class Ask>
-  grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, Need need, Ask ask) {
+  grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, Need need, Access access, Ask ask) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    call_threads_.Post([this, context, need, reactor, ask = std::move(ask)] {
-      const absl::StatusOr<Caller> caller = Admit(*context, need);
-      reactor->Finish(ToGrpcStatus(caller.ok() ? ask(*caller) : caller.status()));
+    absl::StatusOr<Caller> caller = Admit(*context, need);
+    if (!caller.ok()) {
+      reactor->Finish(ToGrpcStatus(caller.status()));
+      return reactor;
+    }
+    const TenantTasks tasks = TasksOf(caller, access);
+    tasks.Post([context, reactor, caller = *std::move(caller), ask = std::move(ask)] {
+      reactor->Finish(context->IsCancelled() ? grpc::Status::CANCELLED : ToGrpcStatus(ask(caller)));
     });
     return reactor;
   }
 
   template <class Response, class Ask>
-  grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, Need need, Response* response, Ask ask) {
-    return Answer(context, need, [response, ask = std::move(ask)](const Caller& caller) -> absl::Status {
+  grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, Need need, Access access, Response* response,
+                                   Ask ask) {
+    return Answer(context, need, access, [response, ask = std::move(ask)](const Caller& caller) -> absl::Status {
       absl::StatusOr<Response> result = ask(caller);
       if (result.ok()) *response = *std::move(result);
       return result.status();
@@ -375,7 +449,8 @@ class PlanishService : public v1::Planish::CallbackService {
   UploadStore* const uploads_;
   const CallerSource* const callers_;
   ServiceOptions options_;
-  TaskThreads call_threads_{kCallThreads};
+  TaskThreads read_threads_{kReadThreads};
+  TaskThreads write_threads_{kWriteThreads};
   TaskThreads upload_threads_{kUploadThreads};
   const StreamSurroundings surroundings_;
 };

@@ -55,7 +55,7 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest>,
       if (finished_) return;  // Interrupt() ended the read
       busy_ = true;
     }
-    tasks_->Post([self = shared_from_this(), ok] { self->Go(ok); });
+    tasks_->Post(caller_.tenant, [self = shared_from_this(), ok] { self->Go(ok); });
   }
 
   void Interrupt() override {

@@ -14,15 +14,15 @@ namespace {
 // Lives until OnDone(), which comes after Finish(). The log and the alarm hold weak pointers only.
 class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_from_this<WaitReactor> {
  public:
-  static grpc::ServerUnaryReactor* Start(WaitedJob job, TaskThreads* tasks, v1::Job* response) {
-    const auto reactor = std::make_shared<WaitReactor>(std::move(job), tasks, response);
+  static grpc::ServerUnaryReactor* Start(WaitedJob job, TenantTasks tasks, v1::Job* response) {
+    const auto reactor = std::make_shared<WaitReactor>(std::move(job), std::move(tasks), response);
     reactor->self_ = reactor;
-    tasks->Post([reactor] { reactor->Open(); });
+    reactor->tasks_.Post([reactor] { reactor->Open(); });
     return reactor.get();
   }
 
-  WaitReactor(WaitedJob job, TaskThreads* tasks, v1::Job* response)
-      : job_(std::move(job)), tasks_(tasks), response_(response) {}
+  WaitReactor(WaitedJob job, TenantTasks tasks, v1::Job* response)
+      : job_(std::move(job)), tasks_(std::move(tasks)), response_(response) {}
 
   void OnCancel() override { End(absl::CancelledError("the caller is gone")); }
 
@@ -33,6 +33,10 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
 
  private:
   void Open() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (ended_) return;  // the caller is gone
+    }
     absl::StatusOr<WatchedJob> watched = job_.find();
     if (!watched.ok()) return End(watched.status());
     const std::weak_ptr<WaitReactor> weak = weak_from_this();
@@ -66,7 +70,7 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
       const std::lock_guard lock(mutex_);
       if (std::exchange(ended_, true)) return;
     }
-    tasks_->Post([self = shared_from_this(), status] { self->Answer(status); });
+    tasks_.Post([self = shared_from_this(), status] { self->Answer(status); });
   }
 
   void Answer(const absl::Status& status) {
@@ -77,7 +81,7 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
   }
 
   const WaitedJob job_;
-  TaskThreads* const tasks_;
+  const TenantTasks tasks_;
   v1::Job* const response_;
 
   // Set by Start(), dropped by OnDone().
@@ -94,8 +98,8 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
 
 }  // namespace
 
-grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TaskThreads* tasks, v1::Job* response) {
-  return WaitReactor::Start(std::move(job), tasks, response);
+grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TenantTasks tasks, v1::Job* response) {
+  return WaitReactor::Start(std::move(job), std::move(tasks), response);
 }
 
 }  // namespace planish

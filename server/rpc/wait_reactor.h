@@ -19,7 +19,7 @@ struct WaitedJob {
 };
 
 // Answers with what `get` says once the job has ended, its log was interrupted (that error instead), or the timeout has
-// passed. `response` and `tasks` outlive the call.
-grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TaskThreads* tasks, v1::Job* response);
+// passed. `response` and the threads of `tasks` outlive the call.
+grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TenantTasks tasks, v1::Job* response);
 
 }  // namespace planish

@@ -23,16 +23,16 @@ template <class Response>
 class WatchReactor : public grpc::ServerWriteReactor<Response>,
                      public std::enable_shared_from_this<WatchReactor<Response>> {
  public:
-  static WatchReactor* Start(grpc::CallbackServerContext* context, JobFinder find, const JobStream::Position& position,
-                             const StreamSurroundings& surroundings) {
-    auto reactor = std::make_shared<WatchReactor>(context, surroundings);
+  static WatchReactor* Start(grpc::CallbackServerContext* context, WatchedCall call,
+                             const JobStream::Position& position, const StreamSurroundings& surroundings) {
+    auto reactor = std::make_shared<WatchReactor>(context, call.write_on, surroundings);
     reactor->self_ = reactor;
-    surroundings.tasks->Post([reactor, find = std::move(find), position] { reactor->Open(find(), position); });
+    call.find_on.Post([reactor, find = std::move(call.find), position] { reactor->Find(find, position); });
     return reactor.get();
   }
 
-  WatchReactor(grpc::CallbackServerContext* context, const StreamSurroundings& surroundings)
-      : deadline_(DeadlineOf(*context)), surroundings_(surroundings) {
+  WatchReactor(grpc::CallbackServerContext* context, TenantTasks write_on, const StreamSurroundings& surroundings)
+      : deadline_(DeadlineOf(*context)), write_on_(std::move(write_on)), surroundings_(surroundings) {
     surroundings_.streams->Add();
   }
 
@@ -64,6 +64,15 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   }
 
  private:
+  void Find(const JobFinder& find, const JobStream::Position& position) {
+    bool gone = false;
+    {
+      const std::lock_guard lock(mutex_);
+      gone = gone_;
+    }
+    Open(gone ? absl::CancelledError("the caller is gone") : find(), position);
+  }
+
   void Open(absl::StatusOr<WatchedJob> job, const JobStream::Position& position) {
     if (!job.ok()) {
       this->Finish(ToGrpcStatus(job.status()));
@@ -86,7 +95,7 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
     Pump();
   }
 
-  // On a task thread: to release a job takes the manager's lock, which gRPC's own threads must not wait for.
+  // On a task thread: releasing a job writes to the store, which gRPC's own threads must not wait for.
   void Detach() {
     const auto released = std::make_shared<JobAttachment>();
     Parting parting = HasPassed(deadline_) ? Parting::kForGood : Parting::kMayReturn;
@@ -96,7 +105,7 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
       if (stream_.has_value() && stream_->job_ended()) parting = Parting::kJobEnded;
     }
     if (released->empty()) return;
-    surroundings_.tasks->Post([released, parting] { released->Release(parting); });
+    write_on_.Post([released, parting] { released->Release(parting); });
   }
 
   // Starts the next operation if none is under way. Any thread.
@@ -161,6 +170,7 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   }
 
   const std::optional<absl::Time> deadline_;
+  const TenantTasks write_on_;
   const StreamSurroundings surroundings_;
 
   // Set by Start(), dropped by OnDone().
@@ -173,7 +183,7 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   std::optional<JobStream> stream_;  // set before busy_ is first false
   JobAttachment attachment_;
   Response response_;
-  bool busy_ = true;  // Open() is under way
+  bool busy_ = true;  // Find() is under way
   bool gone_ = false;
   absl::Time last_progress_ = absl::InfinitePast();  // sent
   grpc::Alarm alarm_;                                // wakes us when progress was held back
@@ -182,16 +192,16 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
 
 }  // namespace
 
-grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, JobFinder find,
+grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, WatchedCall call,
                                                            const JobStream::Position& position,
                                                            const StreamSurroundings& surroundings) {
-  return WatchReactor<v1::UnwrapResponse>::Start(context, std::move(find), position, surroundings);
+  return WatchReactor<v1::UnwrapResponse>::Start(context, std::move(call), position, surroundings);
 }
 
-grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, JobFinder find,
+grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, WatchedCall call,
                                                                const JobStream::Position& position,
                                                                const StreamSurroundings& surroundings) {
-  return WatchReactor<v1::WatchJobResponse>::Start(context, std::move(find), position, surroundings);
+  return WatchReactor<v1::WatchJobResponse>::Start(context, std::move(call), position, surroundings);
 }
 
 }  // namespace planish
