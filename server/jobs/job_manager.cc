@@ -106,9 +106,10 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(blobs.status());
   std::optional<std::int64_t> array_vertices;
   if (record.has_array_vertices()) array_vertices = record.array_vertices();
-  const absl::Status needs =
-      admission_.NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(), job.options())
-          .status();
+  const absl::Status needs = admission_
+                                 .NeedsOf(job.tenant(), blobs->front()->bytes(), array_vertices, job.mesh_bytes(),
+                                          v1::MeshSize(), job.options())
+                                 .status();
   return needs.ok() ? absl::OkStatus() : fail(needs, /*forget=*/false);
 }
 
@@ -286,7 +287,11 @@ ManagerStats JobManager::Stats() const {
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
   admission_.AddCalls(&tenants, &stats.refused_by_reason);
-  if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
+  const absl::StatusOr<QueueState> queue = context_.store.Queue();
+  const absl::StatusOr<JobTotals> totals = context_.store.Totals();
+  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
+  stats.store_answered = queue.ok() && totals.ok() && jobs.ok();
+  if (queue.ok()) {
     for (const WorkRow& work : queue->works) {
       if (!work.running) ++stats.queued_work;
       if (work.running) stats.all_reserved_bytes += work.memory_bytes;
@@ -295,10 +300,10 @@ ManagerStats JobManager::Stats() const {
       stats.reserved_memory_bytes += work.memory_bytes;
     }
   }
-  if (const absl::StatusOr<JobTotals> totals = context_.store.Totals(); totals.ok()) {
+  if (totals.ok()) {
     for (const auto& [tenant, each] : totals->tenants) tenants[tenant].ended_kept = each.ended;
   }
-  if (const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished(); jobs.ok()) {
+  if (jobs.ok()) {
     for (const JobRecord& record : *jobs) stats.Add(record.job(), now, &tenants[record.job().tenant()]);
   }
   for (auto& [name, tenant] : tenants) {
