@@ -192,7 +192,7 @@ absl::Duration Shortened(absl::Duration delay) {
 struct S3Client::Request {
   const char* method = "GET";
   std::string url;
-  std::string range;       // "0-9"; empty: all
+  std::string range;        // "0-9"; empty: all
   std::string copy_source;  // empty: none
   std::string_view body;
   std::string body_sha256 = Sha256("");
@@ -268,8 +268,8 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   Response response;
   Sending sending = {request.body};
   const bool is_read = request.object_bytes >= 0;
-  Receiving receiving = {
-      &response.body, std::max(kMostAnswerBytes, static_cast<std::size_t>(is_read ? request.object_bytes : 0)), ""};
+  Receiving receiving = {&response.body,
+                         std::max(kMostAnswerBytes, static_cast<std::size_t>(is_read ? request.object_bytes : 0)), ""};
   HeaderList headers;
   headers.Add("x-amz-content-sha256: " + absl::BytesToHexString(request.body_sha256));
   if (!request.copy_source.empty()) headers.Add("x-amz-copy-source: " + request.copy_source);
@@ -285,7 +285,8 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   curl_easy_setopt(curl, CURLOPT_USERNAME, credentials.access_key_id.c_str());
   curl_easy_setopt(curl, CURLOPT_PASSWORD, credentials.secret_access_key.c_str());
   curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers.get());
-  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(absl::ToInt64Milliseconds(options_.connect_timeout)));
+  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS,
+                   static_cast<long>(absl::ToInt64Milliseconds(options_.connect_timeout)));
   curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, static_cast<long>(absl::ToInt64Milliseconds(timeout)));
   curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, &ReceivePiece);
   curl_easy_setopt(curl, CURLOPT_WRITEDATA, &receiving);
@@ -317,7 +318,7 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   if (code != CURLE_OK) {
     const std::string what = absl::StrCat(request.method, " failed: ", curl_easy_strerror(code));
     *retry = !IsFinal(code);
-    return *retry ? S3Unavailable(what) : InternalError("the S3 server: " + what);
+    return S3Unavailable(what);
   }
   const bool is_good = response.status >= 200 && response.status < 300;
   if (is_good && is_read) {
@@ -334,7 +335,11 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   const std::string said = error.has_value() ? absl::StrCat(error->code, ": ", error->message) : "";
   const std::string what = absl::StrCat(request.method, " was answered with ", response.status, " ", said);
   const std::string reason = error.has_value() ? error->code : "";
-  if (reason == "NoSuchBucket") return InternalError("the S3 server: " + what);
+  // What an operator has to put right. What waits for the store waits until then.
+  if (reason == "NoSuchBucket") return S3Unavailable(absl::StrCat(what, " (--blobs)"));
+  if (response.status == 401 || response.status == 403) {
+    return S3Unavailable(absl::StrCat(what, " (--s3-credentials, or the rights that go with them)"));
+  }
   if (response.status == 404) return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", what);
   if (response.status == 416) return MakeError(absl::StatusCode::kDataLoss, "BLOB_DAMAGED", what);
   if (response.status == 507 || reason == "QuotaExceeded") {
@@ -351,7 +356,8 @@ absl::StatusOr<S3Client::Response> S3Client::Send(const Request& request) {
     absl::StatusOr<Response> response = SendOnce(request, &retry);
     if (response.ok() || !retry) return response;
     if (attempt >= options_.attempts) {
-      return S3Unavailable(absl::StrCat("gave up after ", attempt, " attempts; the last: ", response.status().message()));
+      return S3Unavailable(
+          absl::StrCat("gave up after ", attempt, " attempts; the last: ", response.status().message()));
     }
     options_.sleep(Shortened(delay));
     delay = std::min(2 * delay, options_.most_delay);
