@@ -243,6 +243,13 @@ absl::Status JobRetention::CheckDisk(const std::string& tenant, std::int64_t byt
   }
 }
 
+bool JobRetention::HasRoomForResults() {
+  const auto& has_room = context_.options.has_room_for_results;
+  if (has_room == nullptr || has_room()) return true;
+  CheckDisk("", 0).IgnoreError();
+  return has_room();
+}
+
 bool JobRetention::MakeRoom(const std::string& tenant, std::int64_t bytes) {
   const std::string gives_way = context_.blobs.WhoGivesWay(tenant, bytes);
   const std::int64_t before = context_.blobs.bytes();

@@ -137,8 +137,7 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   request.seconds_factor = seconds_factor_;
   lock->unlock();
   ClaimWait wait;
-  const auto& has_room = context_.options.has_room_for_results;
-  const bool may_begin = has_room == nullptr || has_room();
+  const bool may_begin = retention_.HasRoomForResults();
   absl::StatusOr<std::vector<ClaimedWork>> claimed = std::vector<ClaimedWork>();
   if (may_begin) claimed = context_.store.Claim(context_.Verb(), request, &wait);
   const absl::Time next_claim =
