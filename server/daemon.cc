@@ -42,6 +42,7 @@
 #include "server/link/process_link.h"
 #include "server/log/log.h"
 #include "server/log/output_lines.h"
+#include "server/metrics/store_probe.h"
 #include "server/monitoring.h"
 #include "server/reload.h"
 #include "server/rpc/rpc_server.h"
@@ -105,6 +106,8 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.limits = Limits(flags);
   options.workers = flags.workers;
   options.threads = flags.threads;
+  options.short_workers = flags.short_workers;
+  options.short_time = absl::Seconds(flags.short_seconds);
   options.queue_total = flags.queue_total;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
@@ -254,7 +257,26 @@ void LogClockSkew(absl::Duration ahead) {
                        "that expire, and the times in this log go by this one"));
 }
 
-WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
+// Whether the store answers and takes what is written; may wait for ever. Null: it is in this process.
+std::function<absl::Status()> StoreQuestion(const Stores& stores, const Farm* farm) {
+  if (!stores.directory.has_value() && farm == nullptr) return nullptr;
+  return [&stores, farm]() -> absl::Status {
+    if (stores.directory.has_value()) {
+      PLANISH_ASSIGN_OR_RETURN(const std::int64_t shortage, stores.DiskShortage(0));
+      PLANISH_RETURN_IF_ERROR(TryToWrite(stores.directory->path()));
+      // Below that, old results give way to new meshes.
+      if (shortage > 0 && shortage > stores.blobs->bytes()) {
+        return absl::ResourceExhaustedError(
+            absl::StrCat("the disk of ", stores.directory->path(), " is nearly full: ", shortage >> 20,
+                         " MiB more must be free before new meshes are taken (deploy/OPERATION.md)"));
+      }
+    }
+    if (farm != nullptr) PLANISH_RETURN_IF_ERROR(farm->LastTick());
+    return stores.jobs()->Find("jobs/none").status();
+  };
+}
+
+WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const Farm* farm, const JobManager* manager,
                       const StreamCounter* streams, RpcServer* rpc) {
   WatchedServer server;
   server.jobs = manager;
@@ -262,12 +284,11 @@ WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobM
   server.blobs = stores.blobs.get();
   server.streams = streams;
   server.rpc = rpc;
-  server.data_dir = flags.store.data_dir;
+  server.ask_store = StoreQuestion(stores, farm);
   server.workers = flags.workers;
   server.memory_limit_bytes = flags.memory_mb * kMiB;
   server.store_limit_bytes = flags.store_mb * kMiB;
   server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
-  server.certificate_file = flags.security.tls.certificate;
   return server;
 }
 
@@ -356,6 +377,10 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
   JobManagerOptions options = ManagerOptions(flags);
   options.tenant_limits = (*door)->limits();
   monitoring.Hook(&options);
+  if (stores->disk != nullptr) {
+    options.disk_shortage = [&stores = *stores](std::int64_t more) { return stores.DiskShortage(more); };
+    options.has_room_for_results = [disk = stores->disk.get()] { return disk->HasRoomForResults(); };
+  }
   options.is_blob_used = [&stores = *stores](const BlobId& id) { return stores.IsBlobUsed(id); };
   std::optional<Farm> farm;
   if (stores->farm.registry != nullptr) {
@@ -369,6 +394,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
   JobManager& manager = **opened;
   stores->uploads->SetMakeRoom(
       [&manager](const std::string& tenant, std::int64_t bytes) { return manager.MakeRoom(tenant, bytes); });
+  stores->uploads->SetCheckDisk(
+      [&manager](const std::string& tenant, std::int64_t bytes) { return manager.CheckDisk(tenant, bytes); });
   StreamCounter streams;
   ServiceOptions service_options;
   service_options.capabilities = Capabilities(flags);
@@ -406,11 +433,14 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
     pool = std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()),
                                         std::move(pool_options));
   }
-  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
-    manager.Tick();
-    uploads->Tick(absl::Now());
-    monitoring.Beat();
-  });
+  auto upkeep = std::make_unique<Upkeep>(
+      kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get(), disk = stores->disk.get()] {
+        manager.Tick();
+        uploads->Tick(absl::Now());
+        if (disk != nullptr) disk->Tick();
+        monitoring.NoteUpkeep();
+      });
+  auto watching = std::make_unique<Upkeep>(kUpkeepInterval, [&monitoring] { monitoring.Beat(); });
   std::optional<Upkeep> tidying, announcing;
   if (farm.has_value()) {
     tidying.emplace(kTidyInterval, [&manager] { manager.Tidy(); });
@@ -418,7 +448,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
       if (const absl::Status status = farm->Tick(); !status.ok()) LogError(status.message());
     });
   }
-  WatchedServer watched = Watched(flags, *stores, &manager, &streams, rpc.get());
+  WatchedServer watched = Watched(flags, *stores, farm.has_value() ? &*farm : nullptr, &manager, &streams, rpc.get());
+  watched.certificate_end = (*door)->certificate_end();
   if (farm.has_value()) watched.clock_skew = [&farm] { return farm->ClockSkew(); };
   monitoring.Attach(watched);
 
@@ -459,6 +490,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
   pool.reset();
   worker_output.reset();
   upkeep.reset();
+  watching.reset();
   tidying.reset();
   announcing.reset();
   if (farm.has_value()) farm->Leave().IgnoreError();  // its row ends by itself

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/error.h"
 
 namespace planish {
 namespace {
@@ -58,12 +59,40 @@ absl::StatusOr<DataDirectory> DataDirectory::Take(const std::string& path) {
   return directory;
 }
 
+absl::Status DataDirectory::Remember() {
+  for (const std::string& name : {path_, path_ + "/lock", jobs(), blobs(), uploads()}) {
+    struct stat file = {};
+    if (stat(name.c_str(), &file) != 0) return Failed("look at", name, errno);
+    identities_[name] = {file.st_dev, file.st_ino};
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DataDirectory::Check() const {
+  for (const auto& [name, identity] : identities_) {
+    struct stat file = {};
+    // Another error than that the name is gone may pass.
+    const bool is_gone = stat(name.c_str(), &file) != 0 ? errno == ENOENT || errno == ENOTDIR
+                                                        : Identity(file.st_dev, file.st_ino) != identity;
+    if (is_gone) *lost_ = true;
+  }
+  if (!*lost_) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kUnavailable, "DATA_DIRECTORY_LOST",
+                   "the server's data directory was removed or replaced while the server ran: nothing new is kept, and "
+                   "the server has to be restarted");
+}
+
 DataDirectory::DataDirectory(DataDirectory&& other) noexcept
-    : path_(std::move(other.path_)), lock_(std::exchange(other.lock_, -1)) {}
+    : path_(std::move(other.path_)),
+      lock_(std::exchange(other.lock_, -1)),
+      identities_(std::move(other.identities_)),
+      lost_(std::move(other.lost_)) {}
 
 DataDirectory& DataDirectory::operator=(DataDirectory&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(lock_, other.lock_);
+  std::swap(identities_, other.identities_);
+  std::swap(lost_, other.lost_);
   return *this;
 }
 

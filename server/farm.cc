@@ -24,6 +24,18 @@ JobCapacity CapacityOf(const std::vector<ServerEntry>& servers) {
 }  // namespace
 
 absl::Status Farm::Tick() {
+  absl::Status status = AnnounceAndAsk();
+  const std::lock_guard lock(mutex_);
+  last_tick_ = status;
+  return status;
+}
+
+absl::Status Farm::LastTick() const {
+  const std::lock_guard lock(mutex_);
+  return last_tick_;
+}
+
+absl::Status Farm::AnnounceAndAsk() {
   // Long enough for a database that restarts.
   PLANISH_RETURN_IF_ERROR(registry_.Announce(self_, 6 * kInterval));
   PLANISH_ASSIGN_OR_RETURN(std::vector<ServerEntry> servers, registry_.List());

@@ -25,6 +25,8 @@ class Farm {
 
   // Announces this server and asks for the others. Call it every kInterval; it waits for the database.
   absl::Status Tick();
+  // What the last Tick() returned.
+  absl::Status LastTick() const;
   // This server takes no more jobs and answers no more callers.
   absl::Status Leave();
 
@@ -42,6 +44,7 @@ class Farm {
 
  private:
   absl::Status CompareClocks();
+  absl::Status AnnounceAndAsk();
 
   ServerRegistry& registry_;
   const ServerEntry self_;
@@ -50,6 +53,7 @@ class Farm {
 
   mutable std::mutex mutex_;
   // Guarded by mutex_.
+  absl::Status last_tick_;
   std::vector<ServerEntry> servers_;
   JobCapacity capacity_ = {0, 0, JobCapacity().memory_bytes, 0};
   absl::Duration skew_;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "core/base/command_pages.h"
 #include "core/base/status_macros.h"
+#include "core/base/target.h"
 #include "server/config/choice.h"
 #include "server/man_page.h"
 #include "server/memory_limit.h"
@@ -27,6 +28,10 @@ void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
+  app->add_option("--headroom-mb", flags->headroom_mb,
+                  "MiB of the disk of --data-dir that new meshes leave free for results, an eighth of the disk at most")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 100'000'000));
   app->add_option("--retain-mb", flags->retain_mb,
                   "UV of ended jobs of a tenant that are kept, MiB (the last one always is)")
       ->capture_default_str()
@@ -52,6 +57,13 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
   app->add_option("--workers", flags->workers, "Jobs that run at a time")
       ->capture_default_str()
       ->check(CLI::Range(1, 1024));
+  app->add_option("--short-workers", flags->short_workers,
+                  "How many of them are kept for jobs that are expected to take no longer than --short-seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1023));
+  app->add_option("--short-seconds", flags->short_seconds, "Seconds that a short job is expected to take at most")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-3, 1e6));
   app->add_option("--threads", flags->threads, "Threads a job may use at most [cores / workers]")
       ->check(CLI::Range(1, kMaxThreads));
   AddChoice<bool>(app, "--isolation", &flags->isolated, {{"process", true}, {"thread", false}},
@@ -188,10 +200,21 @@ class CommandLine {
     if (!errors.empty()) return absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));
     Derive();
     PLANISH_RETURN_IF_ERROR(CheckStore(flags_.store));
+    if (flags_.short_workers > 0 && flags_.workers > 0 && flags_.short_workers >= flags_.workers) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--short-workers: ", flags_.short_workers, " of ", flags_.workers,
+                       " workers would be kept for short jobs: then no worker is left for others"));
+    }
     if (!AnswersCallers(flags_.store.role)) flags_.listen.clear();
     PLANISH_RETURN_IF_ERROR(CheckSecurity(flags_.listen, &flags_.security));
-    return ServerConfig{flags_, settings_->InEffect(),
-                        settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")})};
+    std::vector<std::string> warnings =
+        settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")});
+    if (!metrics_listen_.empty() && !IsWithinThisMachine(metrics_listen_)) {
+      warnings.push_back(absl::StrCat("--metrics-listen=", metrics_listen_,
+                                      " tells whoever connects the names of tenants and what they do, without "
+                                      "encryption: listen on 127.0.0.1, or on a network of your own"));
+    }
+    return ServerConfig{flags_, settings_->InEffect(), std::move(warnings)};
   }
 
  private:

@@ -28,15 +28,18 @@ struct ServerFlags {
 
   StoreFlags store;
   std::int64_t store_mb = 4096;          // MiB of meshes and UV, kept or waiting, >= 1
+  std::int64_t headroom_mb = 256;        // MiB of the disk that meshes leave free, >= 0
   std::int64_t retain_mb = 1024;         // MiB, >= 0
   double retain_hours = 24;              // > 0
   std::int64_t retain_records_mb = 256;  // MiB, >= 1
   double retain_records_hours = 168;     // > 0
   std::int64_t max_uploads_mb = 4096;    // MiB under way, >= 1
 
-  int workers = 1;       // >= 1, of a front 0
-  int threads = 1;       // of a job, in [1, 256]
-  bool isolated = true;  // workers are processes
+  int workers = 1;            // >= 1, of a front 0
+  int short_workers = 0;      // of `workers`, >= 0 and less than these
+  double short_seconds = 10;  // > 0
+  int threads = 1;            // of a job, in [1, 256]
+  bool isolated = true;       // workers are processes
   SandboxMode sandbox = SandboxMode::kAuto;
   int recycle_after = 200;     // jobs, >= 1
   double job_hours = 12;       // a worker may take for a job, > 0

@@ -80,6 +80,11 @@ TenantLimitsSource FrontDoor::limits() const {
   };
 }
 
+std::function<absl::Time()> FrontDoor::certificate_end() const {
+  if (tls_ == nullptr) return nullptr;
+  return [tls = tls_] { return tls->not_after(); };
+}
+
 absl::StatusOr<std::function<void()>> FrontDoor::PrepareReload() {
   PLANISH_ASSIGN_OR_RETURN(std::function<void()> access, PrepareAccess());
   PLANISH_ASSIGN_OR_RETURN(std::function<void()> tls, PrepareTls());

@@ -32,6 +32,9 @@ class FrontDoor {
   // By the access file as it is at each call; defaults without one. Must not outlive this object.
   TenantLimitsSource limits() const;
 
+  // When the certificate in force ends; null without TLS. Must not outlive this object.
+  std::function<absl::Time()> certificate_end() const;
+
   // Null without an access file.
   const AccessSource* access() const { return access_.get(); }
 

@@ -3,8 +3,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/metrics/certificate.h"
-#include "server/metrics/store_probe.h"
 
 namespace planish {
 namespace {
@@ -12,15 +10,22 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Obstacle = Readiness::Obstacle;
 
-// Upkeep comes round ten times a second; a store on a slow disk may hold it up.
+// Beats and upkeep come round ten times a second; a store on a slow disk may hold up upkeep.
 constexpr std::chrono::seconds kBeatLimit(30);
 constexpr absl::Duration kAnswerLimit = absl::Seconds(3);
 constexpr std::chrono::seconds kProbeInterval(2);
+// How long the store may take to answer before the server is not ready, and a scrape waits for its figures.
+constexpr std::chrono::seconds kStoreLimit(5);
+constexpr std::chrono::seconds kScrapePatience(1);
 
 constexpr char kTextFormat[] = "text/plain; version=0.0.4; charset=utf-8";
 
 HttpAnswer Unavailable(const std::string& why) {
   return {503, why + "\n"};
+}
+
+std::int64_t SecondsOf(Clock::duration duration) {
+  return std::chrono::duration_cast<std::chrono::seconds>(duration).count();
 }
 
 }  // namespace
@@ -82,10 +87,18 @@ CallListener Monitoring::Calls() {
 // ---- the server's life
 
 void Monitoring::Attach(const WatchedServer& server) {
-  last_beat_ = Clock::now();
+  last_beat_ = last_upkeep_ = Clock::now();
   {
     const std::unique_lock lock(mutex_);
     server_ = server;
+    if (server.ask_store != nullptr) probe_ = std::make_unique<PatientQuestion<absl::Status>>(server.ask_store);
+    figures_ = std::make_unique<PatientQuestion<StoreFigures>>(
+        [jobs = server.jobs, uploads = server.uploads, last = ManagerStats()]() mutable {
+          ManagerStats stats = jobs->Stats();
+          if (stats.store_answered) last = stats;
+          last.store_answered = stats.store_answered;
+          return StoreFigures{last, uploads->Gauges()};
+        });
   }
   readiness_.Set(Obstacle::kStarting, "");
   TellReadiness();
@@ -95,23 +108,34 @@ void Monitoring::Beat() {
   const Clock::time_point now = Clock::now();
   last_beat_ = now;
   bool draining = false;
-  std::string data_dir;
+  std::string store;
   {
     const std::shared_lock lock(mutex_);
     if (!server_.has_value()) return;
     draining = server_->jobs->IsDraining();
-    data_dir = server_->data_dir;
+    store = StoreObstacle(now);
   }
   readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
   {
     const std::lock_guard lock(start_mutex_);
     readiness_.Set(Obstacle::kWorkers, metrics_.workers_ready() == 0 ? start_error_ : "");
   }
-  if (!data_dir.empty() && now >= next_probe_) {
-    next_probe_ = now + kProbeInterval;
-    readiness_.Set(Obstacle::kStore, std::string(TryToWrite(data_dir).message()));
-  }
+  readiness_.Set(Obstacle::kStore, std::move(store));
+  const Clock::duration silence = now - last_upkeep_.load();
+  readiness_.Set(Obstacle::kUpkeep,
+                 silence > kBeatLimit ? absl::StrCat("upkeep has not come round for ", SecondsOf(silence), " s") : "");
   TellReadiness();
+}
+
+std::string Monitoring::StoreObstacle(Clock::time_point now) {
+  if (probe_ == nullptr) return "";
+  if (now >= next_probe_) {
+    next_probe_ = now + kProbeInterval;
+    probe_->Ask();
+  }
+  const Clock::duration silence = probe_->Silence();
+  if (silence > kStoreLimit) return absl::StrCat("the store has not answered for ", SecondsOf(silence), " s");
+  return std::string(probe_->Newest().value_or(absl::OkStatus()).message());
 }
 
 void Monitoring::SetEnding() {
@@ -121,8 +145,12 @@ void Monitoring::SetEnding() {
 }
 
 void Monitoring::Detach() {
+  std::unique_ptr<PatientQuestion<absl::Status>> probe;  // end without the lock
+  std::unique_ptr<PatientQuestion<StoreFigures>> figures;
   const std::unique_lock lock(mutex_);
   server_.reset();
+  probe.swap(probe_);
+  figures.swap(figures_);
 }
 
 void Monitoring::TellReadiness() {
@@ -151,8 +179,13 @@ HttpAnswer Monitoring::Metrics() const {
   {
     const std::shared_lock lock(mutex_);
     if (!server_.has_value()) return Unavailable(ending_ ? "the server is ending" : "the server is starting");
-    gauges.jobs = server_->jobs->Stats();
-    gauges.uploads = server_->uploads->Gauges();
+    std::optional<StoreFigures> figures;
+    gauges.store_answers = figures_->AskAndWait(kScrapePatience, &figures) && figures->jobs.store_answered;
+    if (figures.has_value()) {
+      gauges.jobs = std::move(figures->jobs);
+      gauges.uploads = figures->uploads;
+    }
+    gauges.jobs.draining = server_->jobs->IsDraining();
     gauges.workers = server_->workers;
     gauges.memory_limit_bytes = server_->memory_limit_bytes;
     gauges.store_bytes = server_->blobs->bytes();
@@ -161,7 +194,7 @@ HttpAnswer Monitoring::Metrics() const {
     gauges.uv_sent_bytes = server_->streams->uv_bytes();
     gauges.streams = server_->streams->count();
     if (server_->clock_skew != nullptr) gauges.clock_skew = server_->clock_skew();
-    if (!server_->certificate_file.empty()) gauges.certificate_end = CertificateFileEnd(server_->certificate_file);
+    if (server_->certificate_end != nullptr) gauges.certificate_end = server_->certificate_end();
   }
   gauges.ready = readiness_.WhyNot().empty();
   return {200, metrics_.Text(gauges), kTextFormat};
@@ -171,8 +204,8 @@ HttpAnswer Monitoring::Live() const {
   const std::shared_lock lock(mutex_);
   // Opening the stores may take long, and so may the last moments.
   if (!server_.has_value()) return {200, "live\n"};
-  const auto silence = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - last_beat_.load());
-  if (silence > kBeatLimit) return Unavailable(absl::StrCat("upkeep has not come round for ", silence.count(), " s"));
+  const Clock::duration silence = Clock::now() - last_beat_.load();
+  if (silence > kBeatLimit) return Unavailable(absl::StrCat("no thread has run for ", SecondsOf(silence), " s"));
   if (server_->rpc != nullptr && !server_->rpc->Answers(kAnswerLimit)) {
     return Unavailable(absl::StrCat("the gRPC server does not answer within ", absl::FormatDuration(kAnswerLimit)));
   }

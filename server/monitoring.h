@@ -20,6 +20,7 @@
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
 #include "server/metrics/http_endpoint.h"
+#include "server/metrics/patient_question.h"
 #include "server/metrics/readiness.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rpc/call_observer.h"
@@ -35,22 +36,24 @@ struct WatchedServer {
   const BlobCatalog* blobs = nullptr;
   const StreamCounter* streams = nullptr;
   RpcServer* rpc = nullptr;
-  std::string data_dir;  // "": there is none
+  // Whether the store takes what is written to it, for people; may take for ever. Null: nothing can go wrong with it.
+  std::function<absl::Status()> ask_store;
   int workers = 0;
   std::int64_t memory_limit_bytes = 0;
   std::int64_t store_limit_bytes = 0;
   std::int64_t uploads_limit_bytes = 0;
-  std::string certificate_file;  // PEM, of TLS; "": there is none
+  std::function<absl::Time()> certificate_end;  // of the certificate in force; null: there is no TLS
   // How far this machine's clock is ahead of the store's; null: it is the store's. Quick.
   std::function<absl::Duration()> clock_skew;
 };
 
 // Serves over HTTP, where asked to:
-//   /metrics  numbers (server/metrics/definitions.h); 503 before Attach() and after Detach()
-//   /livez    200 as long as the process serves: upkeep comes round (it takes the manager's lock and writes to the
-//   store)
-//             and the gRPC server answers a call made to it. 503 says what does not. For probes that restart.
-//   /readyz   200 where new jobs are welcome. 503 says why not. For probes that take out of service.
+//   /metrics  numbers (server/metrics/definitions.h); 503 before Attach() and after Detach(). Where the store does not
+//             answer, its numbers are those of its last answer.
+//   /livez    200 as long as the process serves: its threads run, and the gRPC server answers a call made to it. 503
+//             says what does not. For probes that restart: a restart helps no store, so the store does not count.
+//   /readyz   200 where new jobs are welcome. 503 says why not, the store for instance. For probes that take out of
+//             service.
 // and says the same by gRPC health: the service "" is live, "planish.v1.Planish" is ready.
 //
 // Made first and destroyed last. Thread-safe.
@@ -76,19 +79,29 @@ class Monitoring {
 
   // The server serves from now on.
   void Attach(const WatchedServer& server);
-  // To be called a few times a second, after whatever else upkeep does.
+  // To be called a few times a second, on a thread that does nothing else. Waits for nobody.
   void Beat();
+  // Upkeep has come round.
+  void NoteUpkeep() { last_upkeep_ = std::chrono::steady_clock::now(); }
   // The server takes no new jobs and is about to end: not ready any more, live as before.
   void SetEnding();
-  // What was attached may go.
+  // What was attached may go. Waits for a question to the store that is under way.
   void Detach();
 
  private:
   HttpAnswer Answer(const std::string& path) const;
+  // What the store says of jobs and uploads.
+  struct StoreFigures {
+    ManagerStats jobs;
+    UploadGauges uploads;
+  };
+
   HttpAnswer Metrics() const;
   HttpAnswer Live() const;
   HttpAnswer Ready() const;
   void SetStartError(std::string error);
+  // Why the store is in the way of new jobs, "": it is not.
+  std::string StoreObstacle(std::chrono::steady_clock::time_point now);
   // Tells gRPC's health and on_readiness_ if it changed.
   void TellReadiness();
 
@@ -96,7 +109,7 @@ class Monitoring {
   const std::function<void(const std::string&)> on_readiness_;
   Readiness readiness_;
   std::atomic<bool> ending_ = false;
-  std::atomic<std::chrono::steady_clock::time_point> last_beat_ = {};
+  std::atomic<std::chrono::steady_clock::time_point> last_beat_ = {}, last_upkeep_ = {};
   std::chrono::steady_clock::time_point next_probe_;  // touched by Beat() only
 
   std::mutex start_mutex_;
@@ -104,6 +117,9 @@ class Monitoring {
 
   mutable std::shared_mutex mutex_;
   std::optional<WatchedServer> server_;  // guarded by mutex_
+  // Guarded by mutex_, null while nothing is attached. `probe_` also where there is nothing to ask.
+  std::unique_ptr<PatientQuestion<absl::Status>> probe_;
+  std::unique_ptr<PatientQuestion<StoreFigures>> figures_;
   std::mutex telling_;
   bool told_ready_ = true;  // guarded by telling_; as gRPC's health begins
 

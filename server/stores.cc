@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/blobs/directory_blobs.h"
 #include "server/log/log.h"
@@ -9,13 +11,24 @@
 namespace planish {
 namespace {
 
-absl::Status OpenEmbedded(const std::string& data_dir, Stores* stores, BlobPlaces* places) {
+absl::Status OpenEmbedded(const ServerFlags& flags, Stores* stores, BlobPlaces* places) {
+  const std::string& data_dir = flags.store.data_dir;
   if (data_dir.empty()) {
     PLANISH_ASSIGN_OR_RETURN(stores->own_jobs, OpenJobStore(":memory:"));
     return absl::OkStatus();
   }
   PLANISH_ASSIGN_OR_RETURN(stores->directory, DataDirectory::Take(data_dir));
-  PLANISH_ASSIGN_OR_RETURN(stores->own_jobs, OpenJobStore(stores->directory->jobs()));
+  stores->disk = std::make_unique<DiskRoom>(data_dir, flags.headroom_mb * kMiB);
+  absl::StatusOr<std::unique_ptr<JobStore>> jobs =
+      OpenJobStore(stores->directory->jobs(), [disk = stores->disk.get()] { return disk->GiveUpReserve(); });
+  if (ErrorInfoOf(jobs.status()).reason == "STORAGE_FULL") {
+    return absl::UnavailableError(absl::StrCat(
+        "the disk of ", data_dir, " is full, and the server cannot even open its store: ", jobs.status().message(),
+        ". Free some MiB there (deploy/OPERATION.md)"));
+  }
+  PLANISH_RETURN_IF_ERROR(jobs.status());
+  stores->own_jobs = *std::move(jobs);
+  PLANISH_RETURN_IF_ERROR(stores->directory->Remember());
   PLANISH_ASSIGN_OR_RETURN(places->store, DirectoryBlobStore::Make({.directory = stores->directory->blobs()}));
   return absl::OkStatus();
 }
@@ -39,7 +52,7 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSo
     PLANISH_ASSIGN_OR_RETURN(stores.farm, open_farm(flags));
     places.store = stores.farm.blobs;
   } else {
-    PLANISH_RETURN_IF_ERROR(OpenEmbedded(flags.store.data_dir, &stores, &places));
+    PLANISH_RETURN_IF_ERROR(OpenEmbedded(flags, &stores, &places));
   }
   places.rows = stores.jobs()->rows();
   stores.blobs = std::make_unique<BlobCatalog>(std::move(places), flags.store_mb * kMiB, limits);
@@ -48,6 +61,11 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSo
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
   return stores;
+}
+
+absl::StatusOr<std::int64_t> Stores::DiskShortage(std::int64_t more) const {
+  if (directory.has_value()) PLANISH_RETURN_IF_ERROR(directory->Check());
+  return disk == nullptr ? 0 : disk->Shortage(more);
 }
 
 bool Stores::IsBlobUsed(const BlobId& id) const {

@@ -1,6 +1,7 @@
 // What planishd keeps, and where: jobs, blobs and uploads, embedded or shared with other servers.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -8,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "server/blobs/blob_catalog.h"
 #include "server/data_directory.h"
+#include "server/disk_room.h"
 #include "server/flags.h"
 #include "server/jobs/upload_store.h"
 #include "server/store/job_store.h"
@@ -32,11 +34,14 @@ using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& f
 struct Stores {
   FarmStores farm;                         // all null without --store
   std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
+  std::unique_ptr<DiskRoom> disk;          // likewise
   std::unique_ptr<JobStore> own_jobs;      // null in a farm
   std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;
 
   JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
+  // JobManagerOptions::disk_shortage.
+  absl::StatusOr<std::int64_t> DiskShortage(std::int64_t more) const;
   // Whether an upload needs the blob, or is made of it; true too if that cannot be asked.
   bool IsBlobUsed(const BlobId& id) const;
 };

@@ -140,11 +140,14 @@ class Parser {
       limits_[name] = limits;
       return absl::OkStatus();
     }
-    PLANISH_ASSIGN_OR_RETURN(const auto map, Map(item, {"share", "queue", "running", "store-mb", "credentials"}));
+    PLANISH_ASSIGN_OR_RETURN(const auto map,
+                             Map(item, {"share", "queue", "running", "memory-mb", "store-mb", "credentials"}));
     PLANISH_RETURN_IF_ERROR(TakeShare(map, &limits.share));
     PLANISH_RETURN_IF_ERROR(Take(map, "queue", 0, 100'000, &limits.queue));
     PLANISH_RETURN_IF_ERROR(Take(map, "running", 1, 1024, &limits.running));
-    std::int64_t store_mb = -1;
+    std::int64_t memory_mb = -1, store_mb = -1;
+    PLANISH_RETURN_IF_ERROR(Take(map, "memory-mb", 1, 100'000'000, &memory_mb));
+    if (memory_mb >= 0) limits.memory_bytes = memory_mb * kMiB;
     PLANISH_RETURN_IF_ERROR(Take(map, "store-mb", 1, 100'000'000, &store_mb));
     if (store_mb >= 0) limits.store_bytes = store_mb * kMiB;
     limits_[name] = limits;

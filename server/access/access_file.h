@@ -5,6 +5,7 @@
 //       share: 2                    # TenantLimits, each optional: > 0, up to 1e6
 //       queue: 200                  # 0 to 100000
 //       running: 4                  # 1 to 1024
+//       memory-mb: 8192             # 1 to 1e8, MiB
 //       store-mb: 2048              # 1 to 1e8, MiB
 //       credentials:
 //         - token-sha256: "..."     # 64 hexadecimal digits: SHA-256 of the token, never the token itself

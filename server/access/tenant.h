@@ -14,6 +14,8 @@ struct TenantLimits {
   int queue = -1;
   // Jobs that may run at a time; unset (-1): as many as there are workers.
   int running = -1;
+  // Memory that its running jobs may reserve together; unset (-1): as much as the servers have.
+  std::int64_t memory_bytes = -1;
   // Bytes of meshes and results kept for it; unset (-1): as many as the store takes.
   std::int64_t store_bytes = -1;
 

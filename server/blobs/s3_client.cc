@@ -321,7 +321,7 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   if (code != CURLE_OK) {
     const std::string what = absl::StrCat(request.method, " failed: ", curl_easy_strerror(code));
     *retry = !IsFinal(code);
-    return *retry ? S3Unavailable(what) : InternalError("the S3 server: " + what);
+    return S3Unavailable(what);
   }
   const bool is_good = response.status >= 200 && response.status < 300;
   if (is_good && is_read) {
@@ -338,7 +338,11 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
   const std::string said = error.has_value() ? absl::StrCat(error->code, ": ", error->message) : "";
   const std::string what = absl::StrCat(request.method, " was answered with ", response.status, " ", said);
   const std::string reason = error.has_value() ? error->code : "";
-  if (reason == "NoSuchBucket") return InternalError("the S3 server: " + what);
+  // What an operator has to put right. What waits for the store waits until then.
+  if (reason == "NoSuchBucket") return S3Unavailable(absl::StrCat(what, " (--blobs)"));
+  if (response.status == 401 || response.status == 403) {
+    return S3Unavailable(absl::StrCat(what, " (--s3-credentials, or the rights that go with them)"));
+  }
   if (response.status == 404) return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", what);
   if (response.status == 416) return MakeError(absl::StatusCode::kDataLoss, "BLOB_DAMAGED", what);
   if (response.status == 507 || reason == "QuotaExceeded") {

@@ -32,9 +32,9 @@ JobAdmission::JobAdmission(JobContext* context, JobFeed* feed, JobCallers* calle
       retention_(*retention),
       seconds_factor_(std::move(seconds_factor)) {}
 
-absl::StatusOr<JobNeeds> JobAdmission::NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
-                                               std::int64_t mesh_bytes, v1::MeshSize size,
-                                               const v1::UnwrapOptions& options) const {
+absl::StatusOr<JobNeeds> JobAdmission::NeedsOf(const std::string& tenant, std::string_view mesh,
+                                               std::optional<std::int64_t> array_vertices, std::int64_t mesh_bytes,
+                                               v1::MeshSize size, const v1::UnwrapOptions& options) const {
   const JobManagerOptions& limits = context_.options;
   if (array_vertices.has_value()) {
     size = SizeOfArrays(mesh.size(), *array_vertices);
@@ -51,11 +51,11 @@ absl::StatusOr<JobNeeds> JobAdmission::NeedsOf(std::string_view mesh, std::optio
                      limits.max_triangles),
         {{"triangles", absl::StrCat(needs.size.triangles())}, {"limit", absl::StrCat(limits.max_triangles)}});
   }
-  const std::int64_t most = context_.Capacity().memory_bytes;
+  const std::int64_t most = context_.MostMemory(tenant);
   if (needs.memory_bytes > most) {
     return MakeError(absl::StatusCode::kResourceExhausted, "MEMORY_LIMIT",
                      absl::StrCat("a mesh of ", needs.size.triangles(), " triangles may need ", needs.memory_bytes,
-                                  " bytes of memory; no server here has more than ", most, " for its jobs"),
+                                  " bytes of memory; a job of tenant ", tenant, " may have ", most, " here"),
                      {{"bytes", absl::StrCat(needs.memory_bytes)}, {"limit", absl::StrCat(most)}});
   }
   return needs;
@@ -178,8 +178,9 @@ absl::StatusOr<JobAdmission::Prepared> JobAdmission::Prepare(const Caller& calle
                                                              const absl::Status& refusal) {
   const JobManagerOptions& options = context_.options;
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(asked, options.max_mesh_bytes, options.validate_options));
-  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(asked.Mesh(), asked.array_vertices, asked.MeshBytes(),
-                                                         v1::MeshSize(), asked.OptionsForNeeds()));
+  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs,
+                           NeedsOf(caller.tenant, asked.Mesh(), asked.array_vertices, asked.MeshBytes(), v1::MeshSize(),
+                                   asked.OptionsForNeeds()));
   Prepared prepared;
   prepared.request = std::move(asked);
   JobRequest& request = prepared.request;
@@ -198,6 +199,8 @@ absl::StatusOr<JobAdmission::Prepared> JobAdmission::Prepare(const Caller& calle
     PLANISH_ASSIGN_OR_RETURN(const bool shares, context_.store.IsUnderWay(caller.tenant, prepared.work_key));
     if (!shares) return room;
   }
+  const absl::Status disk = retention_.CheckDisk(caller.tenant, request.MeshBytes());
+  if (!disk.ok()) return WithRetryDelay(disk, options.retry_delay);
   prepared.mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256});
   absl::StatusOr<StoredBlobPtr> mesh = retention_.Put(caller.tenant, request.Mesh(), request.mesh_sha256);
   absl::StatusOr<StoredBlobPtr> kept_elements = StoredBlobPtr();
@@ -354,7 +357,7 @@ absl::StatusOr<v1::JobEstimate> JobAdmission::Estimate(const Caller& caller, con
   if (mesh_bytes <= 0) mesh_bytes = request.MeshBytes();
   v1::JobEstimate estimate;
   absl::StatusOr<JobNeeds> needs =
-      NeedsOf(request.Mesh(), request.array_vertices, mesh_bytes, size, request.OptionsForNeeds());
+      NeedsOf(caller.tenant, request.Mesh(), request.array_vertices, mesh_bytes, size, request.OptionsForNeeds());
   if (!needs.ok() && needs.status().code() == absl::StatusCode::kInvalidArgument) return needs.status();
   if (!needs.ok()) {
     *estimate.mutable_refusal() = ToRpcStatus(needs.status());

@@ -46,8 +46,9 @@ class JobAdmission {
                                            const v1::MeshSize& size) const;
 
   // `array_vertices` as in JobRequest; `size` counts where the mesh does not say.
-  absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
-                                   std::int64_t mesh_bytes, v1::MeshSize size, const v1::UnwrapOptions& options) const;
+  absl::StatusOr<JobNeeds> NeedsOf(const std::string& tenant, std::string_view mesh,
+                                   std::optional<std::int64_t> array_vertices, std::int64_t mesh_bytes,
+                                   v1::MeshSize size, const v1::UnwrapOptions& options) const;
   // What a tenant may have waiting.
   QueueLimits LimitsOf(const std::string& tenant) const;
   // The place in the queue of a job that waits.

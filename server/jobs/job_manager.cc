@@ -102,9 +102,10 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(blobs.status());
   std::optional<std::int64_t> array_vertices;
   if (record.has_array_vertices()) array_vertices = record.array_vertices();
-  const absl::Status needs =
-      admission_.NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(), job.options())
-          .status();
+  const absl::Status needs = admission_
+                                 .NeedsOf(job.tenant(), blobs->front()->bytes(), array_vertices, job.mesh_bytes(),
+                                          v1::MeshSize(), job.options())
+                                 .status();
   return needs.ok() ? absl::OkStatus() : fail(needs, /*forget=*/false);
 }
 
@@ -285,8 +286,12 @@ ManagerStats JobManager::Stats() const {
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
   admission_.AddCalls(&tenants, &stats.refused_by_reason);
+  const absl::StatusOr<QueueState> queue = context_.store.Queue();
+  const absl::StatusOr<JobTotals> totals = context_.store.Totals();
+  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
+  stats.store_answered = queue.ok() && totals.ok() && jobs.ok();
   absl::Time now;
-  if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
+  if (queue.ok()) {
     now = queue->now;
     for (const WorkRow& work : queue->works) {
       if (!work.running) ++stats.queued_work;
@@ -296,10 +301,10 @@ ManagerStats JobManager::Stats() const {
       stats.reserved_memory_bytes += work.memory_bytes;
     }
   }
-  if (const absl::StatusOr<JobTotals> totals = context_.store.Totals(); totals.ok()) {
+  if (totals.ok()) {
     for (const auto& [tenant, each] : totals->tenants) tenants[tenant].ended_kept = each.ended;
   }
-  if (const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished(); jobs.ok()) {
+  if (jobs.ok()) {
     for (const JobRecord& record : *jobs) stats.Add(record.job(), now, &tenants[record.job().tenant()]);
   }
   for (auto& [name, tenant] : tenants) {

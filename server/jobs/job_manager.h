@@ -115,6 +115,8 @@ class JobManager {
   // Gives up old results so that the tenant may keep `bytes` more: its own, or where it has little those of the tenant
   // that has most. False if there is nothing left to give up. Not while holding a lock that `is_blob_used` takes.
   bool MakeRoom(const std::string& tenant, std::int64_t bytes);
+  // As JobRetention::CheckDisk().
+  absl::Status CheckDisk(const std::string& tenant, std::int64_t bytes) { return retention_.CheckDisk(tenant, bytes); }
 
   // ---- for WorkerPool
 

@@ -1,6 +1,7 @@
 // What a server's jobs are accepted and run by, and what may change of it.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "planish/v1/job.pb.h"
 #include "server/access/tenant.h"
@@ -47,6 +49,8 @@ struct JobManagerOptions {
   JobLimits limits;                                       // at first
   int workers = 1;                                        // pieces of work that run at a time
   int threads = 1;                                        // that a job may use
+  int short_workers = 0;                                  // of `workers`, kept for work of at most `short_time`
+  absl::Duration short_time = absl::Seconds(10);          // as it is expected
   int queue_total = 1024;                                 // jobs that may wait, of all tenants: QueueLimits
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
   // Of all servers that share the store; null: this one's `workers` and `memory_bytes`. Must be quick and thread-safe.
@@ -66,6 +70,11 @@ struct JobManagerOptions {
   OptionsValidator validate_options;                      // null: everything goes
   NeedsEstimator estimate;                                // null: jobs need nothing
   std::function<bool(const BlobId& id)> is_blob_used;     // by somebody else; null: nobody. Must not call back
+  // Bytes that lack on the disk if so many more are to leave room for the results of accepted jobs, 0 or less: none; or
+  // why nothing new can be kept at all. And whether there is any room for results: otherwise no work begins. Null: the
+  // disk has no end.
+  std::function<absl::StatusOr<std::int64_t>(std::int64_t more)> disk_shortage;
+  std::function<bool()> has_room_for_results;
   // Hears of every change of state that this process makes, after it was written, on any thread; of one job in order
   // unless several threads change it at the same moment. Must be quick and thread-safe.
   std::function<void(const v1::Job&)> on_transition;
@@ -104,6 +113,13 @@ class JobContext {
   // SharedPace() of this server; zero where nobody shares its store.
   absl::Duration Pace(double per_second, absl::Duration least) const {
     return store.is_shared() ? SharedPace(Capacity().servers, per_second, least) : absl::ZeroDuration();
+  }
+
+  // Memory that a job of this tenant may reserve.
+  std::int64_t MostMemory(const std::string& tenant) const {
+    const std::int64_t own = options.tenant_limits == nullptr ? -1 : options.tenant_limits(tenant).memory_bytes;
+    const std::int64_t most = Capacity().memory_bytes;
+    return own < 0 ? most : std::min(own, most);
   }
 
   void TellError(const absl::Status& status) const {

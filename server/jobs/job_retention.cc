@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
@@ -15,6 +16,8 @@ namespace {
 constexpr absl::Duration kSweepInterval = absl::Minutes(10);
 // So many at a time: each takes a look into the store.
 constexpr std::size_t kSweepSlice = 64;
+// What SQLite keeps of its pages when rows go, and more.
+constexpr std::int64_t kMostFreeBytes = std::int64_t{8} << 20;
 // Jobs that one transaction drops.
 constexpr int kForgottenAtOnce = 100;
 
@@ -243,6 +246,34 @@ absl::Status JobRetention::Forget(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(context_.store.Delete(record.job().name()));
   NoteUnused(record);
   return absl::OkStatus();
+}
+
+absl::Status JobRetention::CheckDisk(const std::string& tenant, std::int64_t bytes) {
+  if (context_.options.disk_shortage == nullptr) return absl::OkStatus();
+  std::int64_t may_go = -1;
+  for (;;) {
+    PLANISH_ASSIGN_OR_RETURN(const std::int64_t shortage, context_.options.disk_shortage(bytes));
+    if (shortage <= 0) return absl::OkStatus();
+    // What others wrote on the disk is no reason to drop all results: as many as lack, and those that SQLite does not
+    // give back at once.
+    const std::int64_t kept = context_.blobs.bytes();
+    if (may_go < 0) may_go = shortage <= kept ? 2 * shortage + kMostFreeBytes : 0;
+    if (may_go > 0 && MakeRoom(tenant, bytes)) {
+      may_go -= std::max<std::int64_t>(kept - context_.blobs.bytes(), 1);
+      continue;
+    }
+    return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                     absl::StrCat("the server's disk is nearly full: ", shortage,
+                                  " bytes lack if results of accepted jobs are to have room"),
+                     {{"bytes", absl::StrCat(shortage)}});
+  }
+}
+
+bool JobRetention::HasRoomForResults() {
+  const auto& has_room = context_.options.has_room_for_results;
+  if (has_room == nullptr || has_room()) return true;
+  CheckDisk("", 0).IgnoreError();
+  return has_room();
 }
 
 bool JobRetention::MakeRoom(const std::string& tenant, std::int64_t bytes) {

@@ -62,6 +62,11 @@ class JobRetention {
   absl::Status Forget(const JobRecord& record);
   // Gives up old results so that the tenant may keep `bytes` more. False if there is nothing left to give up.
   bool MakeRoom(const std::string& tenant, std::int64_t bytes);
+  // Whether `bytes` more can be kept and still leave the disk's headroom; gives up old results for that, as MakeRoom(),
+  // if there are enough of them. RESOURCE_EXHAUSTED with STORAGE_FULL; UNAVAILABLE with DATA_DIRECTORY_LOST.
+  absl::Status CheckDisk(const std::string& tenant, std::int64_t bytes);
+  // Whether there is room for results of work that begins now; old results give way, as for CheckDisk().
+  bool HasRoomForResults();
   // Looks at blobs that may have become unused, and every so often at a few of all others.
   void CollectBlobs();
   // Whatever is kept may be too much: the limits have changed.

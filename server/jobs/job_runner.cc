@@ -130,10 +130,16 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   request.most = std::max(request.most, 1);
   request.memory_bytes = context_.options.memory_bytes;
   request.tenant_limits = context_.options.tenant_limits;
+  if (context_.options.short_workers > 0) {
+    request.long_from = context_.options.short_time;
+    request.most_long = context_.options.workers - context_.options.short_workers;
+  }
   request.seconds_factor = seconds_factor_;
   lock->unlock();
   ClaimWait wait;
-  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request, &wait);
+  const bool may_begin = retention_.HasRoomForResults();
+  absl::StatusOr<std::vector<ClaimedWork>> claimed = std::vector<ClaimedWork>();
+  if (may_begin) claimed = context_.store.Claim(context_.Verb(), request, &wait);
   const absl::Time next_claim =
       pace_.Next(context_.options.steady_clock(), context_.Pace(kClaimsPerSecond, kLeastClaimInterval), wait.queued);
   if (claimed.ok()) {
@@ -463,7 +469,7 @@ void JobRunner::ReportResult(const std::string& name, int attempt, worker::v1::W
 
 std::int64_t JobRunner::LargerReservation(const ClaimedWork& work, const google::rpc::Status& status) const {
   if (ReasonOf(status) != "OUT_OF_MEMORY" || FirstOf(work).enlargements() >= kMostEnlargements) return 0;
-  const std::int64_t most = context_.Capacity().memory_bytes;
+  const std::int64_t most = context_.MostMemory(FirstOf(work).job().tenant());
   return work.memory_bytes < most ? std::min(kEnlargement * work.memory_bytes, most) : 0;
 }
 

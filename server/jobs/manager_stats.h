@@ -31,6 +31,7 @@ struct TenantStats {
 
 struct ManagerStats {
   std::string store_id;
+  bool store_answered = true;  // every question; otherwise the numbers are not complete
   bool draining = false;
   int workers = 0;       // pieces of work that may run at a time, on all servers that share the store
   int own_workers = 0;   // on this one

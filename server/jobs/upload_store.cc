@@ -115,9 +115,15 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
   if (blobs_->Has(fresh.Blob())) held = blobs_->Find(fresh.Blob()).value_or(nullptr);
   fresh.complete = held != nullptr;
   if (fresh.complete) fresh.committed_bytes = total;
+  if (absl::Status disk = CheckDiskFor(fresh); !disk.ok()) return Later(std::move(disk));
   for (;;) {
+    absl::Status room;
     const absl::StatusOr<UploadPlace::Added> added =
-        place_->Add(fresh, [&](const std::vector<UploadState>& others) { return CheckRoom(fresh, others); });
+        place_->Add(fresh, [&](const std::vector<UploadState>& others) { return room = CheckRoom(fresh, others); });
+    if (!added.ok() && !room.ok()) {
+      PLANISH_ASSIGN_OR_RETURN(const bool evicted, Evict(fresh.tenant));
+      if (evicted) continue;
+    }
     if (!added.ok()) return Later(added.status());
     if (!added->created && !request.request_id().empty()) return Known(added->state, request);
     if (!added->created) {
@@ -191,6 +197,34 @@ absl::Status UploadStore::CheckRoom(const UploadState& newest, const std::vector
   return absl::OkStatus();
 }
 
+absl::StatusOr<bool> UploadStore::Evict(const std::string& tenant) {
+  const absl::StatusOr<std::vector<UploadState>> states = place_->List();
+  if (!states.ok()) return Later(states.status());
+  const UploadState* oldest = nullptr;
+  for (const UploadState& each : *states) {
+    if (each.complete || each.appending || each.tenant != tenant) continue;
+    if (oldest == nullptr || each.used < oldest->used) oldest = &each;
+  }
+  if (oldest == nullptr) return false;
+  absl::Duration idle;
+  const absl::StatusOr<bool> is_there = place_->Change(oldest->id, [&](UploadState* state, absl::Time now) {
+    idle = now - state->used;
+    return absl::OkStatus();
+  });
+  if (!is_there.ok()) return Later(is_there.status());
+  if (*is_there && idle < options_.gives_way_after) return false;
+  PLANISH_RETURN_IF_ERROR(Later(place_->Erase(*oldest, /*if_unused=*/true)));
+  return true;
+}
+
+absl::Status UploadStore::CheckDiskFor(const UploadState& fresh) const {
+  if (check_disk_ == nullptr || fresh.complete) return absl::OkStatus();
+  PLANISH_ASSIGN_OR_RETURN(const std::vector<UploadState> states, place_->List());
+  std::int64_t bytes = fresh.total_bytes;
+  for (const UploadState& each : states) bytes += each.total_bytes - each.committed_bytes;
+  return check_disk_(fresh.tenant, bytes);
+}
+
 absl::StatusOr<UploadState> UploadStore::Find(const Caller& caller, const std::string& name) {
   absl::StatusOr<std::optional<UploadState>> found = place_->Find(IdOf(name));
   if (!found.ok()) return Later(found.status());
@@ -201,6 +235,18 @@ absl::StatusOr<UploadState> UploadStore::Find(const Caller& caller, const std::s
 absl::StatusOr<v1::Upload> UploadStore::Get(const Caller& caller, const std::string& name) {
   PLANISH_ASSIGN_OR_RETURN(const UploadState state, Find(caller, name));
   return ToProto(state);
+}
+
+absl::StatusOr<v1::ListUploadsResponse> UploadStore::List(const Caller& caller) const {
+  absl::StatusOr<std::vector<UploadState>> states = place_->List();
+  if (!states.ok()) return Later(states.status());
+  std::erase_if(*states, [&](const UploadState& each) { return each.complete || each.tenant != caller.tenant; });
+  std::sort(states->begin(), states->end(), [](const UploadState& a, const UploadState& b) {
+    return std::pair(a.used, a.id) < std::pair(b.used, b.id);
+  });
+  v1::ListUploadsResponse list;
+  for (const UploadState& state : *states) *list.add_uploads() = ToProto(state);
+  return list;
 }
 
 absl::Status UploadStore::Delete(const Caller& caller, const std::string& name) {

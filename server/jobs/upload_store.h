@@ -5,8 +5,8 @@
 //                 │  └─ the digest is wrong, Delete, or idle too long ─> gone <┘ Delete, or idle too long
 //                 └─ a writer at a time; what it wrote stays when it goes
 //
-// Uploads are in an UploadPlace. Several stores, of several servers, may share one: a writer that is cut off at one goes
-// on at another one. A writer has a fencing token; what it says after another one took over changes nothing.
+// Uploads are in an UploadPlace. Several stores, of several servers, may share one: a writer that is cut off at one
+// goes on at another one. A writer has a fencing token; what it says after another one took over changes nothing.
 #pragma once
 
 #include <atomic>
@@ -47,8 +47,10 @@ struct UploadStoreOptions {
   // A writer that is silent for so long gives way to a new one. Where servers share the place one may be cut off within
   // an append, which counts as silence there: an append that takes longer may lose the upload to another caller.
   absl::Duration writer_limit = absl::Seconds(5);
-  absl::Duration retry_delay = absl::Seconds(2);   // advice with QUEUE_FULL and STORAGE_FULL
-  std::function<absl::Time()> clock = absl::Now;   // of `directory`
+  // An upload under way that was not used for so long gives way to a new one of its tenant, where there is no room.
+  absl::Duration gives_way_after = absl::Minutes(1);
+  absl::Duration retry_delay = absl::Seconds(2);  // advice with QUEUE_FULL and STORAGE_FULL
+  std::function<absl::Time()> clock = absl::Now;  // of `directory`
   std::function<std::string()> new_id = RandomId;
   FileLayer* files = FileLayer::System();  // for marks of complete uploads in `directory`
 };
@@ -68,8 +70,9 @@ class UploadWriter {
   // Takes in the part of `data`, which begins at byte `offset`, that the upload does not have yet: all of it or, after
   // an error, nothing. May take long (files, digests). With its last byte the upload becomes complete.
   // OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH ("committed_bytes"), ABORTED with UPLOAD_BUSY if another writer took over,
-  // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and UNAVAILABLE with
-  // STORE_UNAVAILABLE, both with a retry delay, INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is gone.
+  // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and UNAVAILABLE
+  // with STORE_UNAVAILABLE, both with a retry delay, INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is
+  // gone.
   absl::Status Append(std::int64_t offset, std::string_view data);
 
  private:
@@ -97,8 +100,9 @@ struct UploadGauges {
   std::int64_t complete_at_once = 0;  // uploads of bytes that the server had
 };
 
-// Thread-safe. A place that several servers share may be away: UNAVAILABLE with STORE_UNAVAILABLE. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND, and so are other tenants' uploads, word for word.
-// (The right all-jobs changes nothing: there is nothing to see in an upload, and its bytes are its tenant's.)
+// Thread-safe. A place that several servers share may be away: UNAVAILABLE with STORE_UNAVAILABLE. Unknown names are
+// NOT_FOUND with UPLOAD_NOT_FOUND, and so are other tenants' uploads, word for word. (The right all-jobs changes
+// nothing: there is nothing to see in an upload, and its bytes are its tenant's.)
 class UploadStore {
  public:
   // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
@@ -108,6 +112,10 @@ class UploadStore {
   // of this tenant's. Before any other call.
   using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
   void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
+  // Likewise: what to ask, without a lock, whether the disk has room for so many bytes of this tenant's that are to
+  // come.
+  using CheckDisk = std::function<absl::Status(const std::string& tenant, std::int64_t bytes)>;
+  void SetCheckDisk(CheckDisk check_disk) { check_disk_ = std::move(check_disk); }
 
   // Finds the uploads that an earlier process left. Before any other call.
   absl::Status Open();
@@ -115,11 +123,15 @@ class UploadStore {
   // The upload of the same request id, if the tenant has one (ALREADY_EXISTS with REQUEST_ID_REUSED if that is of other
   // bytes), or a new one.
   // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL
-  // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes of the
+  // (too many uploads) or STORAGE_FULL (too many bytes), unless uploads of the same tenant can give way
+  // (UploadStoreOptions::gives_way_after). Complete at once if `blobs` has these bytes of the
   // same tenant.
   absl::StatusOr<v1::Upload> Create(const Caller& caller, const v1::CreateUploadRequest& request);
 
   absl::StatusOr<v1::Upload> Get(const Caller& caller, const std::string& name);
+
+  // Those of the caller's tenant that are under way, the one not used for longest first.
+  absl::StatusOr<v1::ListUploadsResponse> List(const Caller& caller) const;
 
   absl::Status Delete(const Caller& caller, const std::string& name);
 
@@ -160,6 +172,10 @@ class UploadStore {
   absl::StatusOr<v1::Upload> Known(const UploadState& state, const v1::CreateUploadRequest& request);
   // For `newest`, an upload under way like others.
   absl::Status CheckRoom(const UploadState& newest, const std::vector<UploadState>& others) const;
+  // Forgets the tenant's upload under way that was not used for longest, if that is long enough; whether there was one.
+  absl::StatusOr<bool> Evict(const std::string& tenant);
+  // Whether the disk has room for it and for what others have announced.
+  absl::Status CheckDiskFor(const UploadState& fresh) const;
   // Writes and, with the last byte, makes the upload's blob; after an error everything is as it was.
   absl::StatusOr<UploadPiece> TakeIn(const UploadState& state, std::string_view data);
   // Forgets a complete upload if the tenant has too many of them beside `newest`.
@@ -172,7 +188,8 @@ class UploadStore {
   const std::unique_ptr<UploadPlace> own_place_;
   UploadPlace* const place_;
   BlobCatalog* const blobs_;
-  MakeRoom make_room_;  // null: there is none to be made
+  MakeRoom make_room_;    // null: there is none to be made
+  CheckDisk check_disk_;  // null: there is always room
 
   std::mutex mutex_;
   UploadGauges gauges_;  // guarded by mutex_

@@ -45,6 +45,7 @@ const std::vector<const MetricDefinition*>& AllMetrics() {
       &kCallTime,
       &kStreams,
       &kReady,
+      &kStoreAnswers,
       &kDraining,
       &kClockSkew,
       &kCertificateEnd,

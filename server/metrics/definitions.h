@@ -143,6 +143,10 @@ inline const MetricDefinition kStreams = {"planish_streams_open", kGauge, "", "S
 // ---- the server
 
 inline const MetricDefinition kReady = {"planish_ready", kGauge, "", "1 where /readyz says ready, else 0."};
+inline const MetricDefinition kStoreAnswers = {
+    "planish_store_answers", kGauge, "",
+    "1 where the store answered the scrape within a second, else 0: then the figures of jobs, uploads and tenants are "
+    "those of its last answer."};
 inline const MetricDefinition kDraining = {"planish_draining", kGauge, "", "1 while no new jobs are taken, else 0."};
 inline const MetricDefinition kClockSkew = {"planish_clock_skew_seconds", kGauge, "",
                                             "How far the machine's clock is ahead of the store's (negative: behind), "

@@ -20,15 +20,18 @@ struct HttpAnswer {
 struct HttpEndpointOptions {
   std::string host;
   int port = 0;  // 0: any
-  // Of a connection, from its acceptance to the last byte of its answer: one that takes longer is cut off, so that
-  // nobody who is slow keeps a thread.
+  // From the acceptance of a connection to the end of its request, and to the last byte of its answer. A connection
+  // that takes longer is closed.
+  absl::Duration request_limit = absl::Seconds(5);
   absl::Duration connection_limit = absl::Seconds(10);
+  // At the same time. Beyond them the oldest connection that has not sent its request gives way to a new one.
+  int connections = 64;
 };
 
 // "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
 absl::StatusOr<HttpEndpointOptions> ParseHttpAddress(const std::string& text);
 
-// Two threads, each with one connection and one request at a time; the kernel holds what waits and turns the rest away.
+// Connections that are silent or slow hold up nobody else: requests are answered by two threads once they are complete.
 // A request may have 8 KiB and no body.
 class HttpEndpoint {
  public:

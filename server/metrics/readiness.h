@@ -9,7 +9,7 @@ namespace planish {
 // What keeps a server from taking new jobs. Thread-safe.
 class Readiness {
  public:
-  enum class Obstacle { kStarting, kEnding, kDraining, kWorkers, kStore };
+  enum class Obstacle { kStarting, kEnding, kDraining, kWorkers, kStore, kUpkeep };
 
   // kStarting is in the way.
   Readiness();

@@ -28,6 +28,7 @@ struct ServerGauges {
   int streams = 0;
   bool ready = false;
   absl::Duration clock_skew;
+  bool store_answers = true;                       // false: `jobs` and `uploads` are as of its last answer
   absl::Time certificate_end = absl::UnixEpoch();  // the epoch: no certificate
 };
 

@@ -309,6 +309,11 @@ class PlanishService : public v1::Planish::CallbackService {
                   [this, request](const Caller& caller) { return uploads_->Get(caller, request->name()); });
   }
 
+  grpc::ServerUnaryReactor* ListUploads(grpc::CallbackServerContext* context, const v1::ListUploadsRequest*,
+                                        v1::ListUploadsResponse* response) override {
+    return Answer(context, Need::kSubmit, response, [this](const Caller& caller) { return uploads_->List(caller); });
+  }
+
   grpc::ServerUnaryReactor* DeleteUpload(grpc::CallbackServerContext* context, const v1::DeleteUploadRequest* request,
                                          google::protobuf::Empty*) override {
     return Answer(context, Need::kSubmit, Access::kWrites,

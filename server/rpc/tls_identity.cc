@@ -19,6 +19,11 @@ class TlsIdentity::Current {
     if (!is_same) ++number_;
   }
 
+  absl::Time not_after() const {
+    const std::lock_guard lock(mutex_);
+    return material_.not_after;
+  }
+
   std::vector<std::string> warnings() const {
     const std::lock_guard lock(mutex_);
     return material_.warnings;
@@ -121,6 +126,10 @@ absl::Status TlsIdentity::Reload(absl::Time now) {
   PLANISH_ASSIGN_OR_RETURN(const std::function<void()> put_in_force, Prepare(now));
   put_in_force();
   return absl::OkStatus();
+}
+
+absl::Time TlsIdentity::not_after() const {
+  return current_->not_after();
 }
 
 std::vector<std::string> TlsIdentity::warnings() const {

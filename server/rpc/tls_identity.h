@@ -35,6 +35,9 @@ class TlsIdentity {
   const TlsFiles& files() const { return files_; }
   ClientAuth client_auth() const { return client_auth_; }
 
+  // When the certificate in force ends.
+  absl::Time not_after() const;
+
   // Of LoadTlsFiles(), last time.
   std::vector<std::string> warnings() const;
 

@@ -47,6 +47,7 @@ class Claimer {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> next, Next());
       if (!next.has_value() || !Fits(next->row)) break;
       ++running_;
+      if (IsLong(next->row) && ++long_ >= request_.most_long) PassLongBy();
       memory_ += next->row.memory_bytes;
       runs_alone_ = next->row.alone;
       Choose(*std::move(next));
@@ -60,13 +61,26 @@ class Claimer {
     return request_.tenant_limits == nullptr ? TenantLimits() : request_.tenant_limits(tenant);
   }
 
+  bool IsLong(const WorkRow& work) const { return work.run_time > longest_short_; }
+
+  // The owner has as much long work as it may. What was fetched stays locked to the end of the transaction.
+  void PassLongBy() {
+    for (auto& [tenant, fetched] : fetched_) {
+      std::erase_if(fetched.heads, [this](const LockedWork& head) { return IsLong(head.row); });
+    }
+  }
+
   // What the owner and the tenants have already.
   absl::Status ReadUsageAndAccounts() {
+    if (request_.long_from < absl::InfiniteDuration()) {
+      longest_short_ = absl::ToInt64Nanoseconds(request_.long_from / std::max(request_.seconds_factor, 1e-9));
+    }
     SqlRows usage;
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(
         "SELECT count(*), coalesce(max(alone), 0), CAST(coalesce(sum(memory_bytes), 0) AS BIGINT), {now}, "
-        "{elapsed} FROM works WHERE running = 1 AND owner = ?",
-        {std::string_view(request_.owner)}, &usage));
+        "{elapsed}, coalesce(sum(CASE WHEN run_time > ? THEN 1 ELSE 0 END), 0) FROM works "
+        "WHERE running = 1 AND owner = ?",
+        {longest_short_, std::string_view(request_.owner)}, &usage));
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
     transaction_.SetNow(usage.Int(0, 3));
     // All that was before is the wait for the turn.
@@ -74,6 +88,7 @@ class Claimer {
     running_ = usage.Int(0, 0);
     runs_alone_ = usage.Int(0, 1) != 0;
     memory_ = usage.Int(0, 2);
+    long_ = usage.Int(0, 5);
     return absl::OkStatus();
   }
 
@@ -99,7 +114,7 @@ class Claimer {
         }
       }
       if (first.empty()) continue;
-      PLANISH_ASSIGN_OR_RETURN(const bool may_run, MayRun(first));
+      PLANISH_ASSIGN_OR_RETURN(const bool may_run, MayRun(fetched_[first].heads.front().row));
       if (!may_run) {
         passed_by_.insert(first);
         continue;
@@ -151,15 +166,17 @@ class Claimer {
         request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
     RowBatch questions = RowBatch::Select(absl::StrCat(
         "SELECT heads.*, coalesce(jobs.number, 0), jobs.due, jobs.record, jobs.report FROM (SELECT ", kWorkColumns,
-        " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? ORDER BY turn_time, number "
+        " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? AND run_time <= ? ORDER BY turn_time, "
+        "number "
         "LIMIT ? {skip}) AS heads {with_jobs}"));
+    const std::int64_t longest = long_ < request_.most_long ? std::numeric_limits<std::int64_t>::max() : longest_short_;
     std::map<std::string, std::size_t> missing;  // of what was asked for
     for (std::size_t i = 0; i < order.size(); ++i) {
       if (i >= wanted && TurnOf(order[i]) > first_turn) break;
       if (!lacks(order[i])) continue;
       // This transaction sees again what it chose.
       const std::size_t limit = fetched_[order[i]].names.size() + part;
-      questions.Add({std::string_view(order[i]), most, static_cast<std::int64_t>(limit)});
+      questions.Add({std::string_view(order[i]), most, longest, static_cast<std::int64_t>(limit)});
       missing[order[i]] = limit;
     }
     std::deque<SqlRows> answers;
@@ -189,9 +206,10 @@ class Claimer {
   }
 
   // Whoever counts against a limit is the only one that does so, to the end of the transaction.
-  absl::StatusOr<bool> MayRun(const std::string& tenant) {
+  absl::StatusOr<bool> MayRun(const WorkRow& work) {
+    const std::string& tenant = work.tenant;
     const TenantLimits limits = LimitsOf(tenant);
-    if (limits.running < 0) return true;
+    if (limits.running < 0 && limits.memory_bytes < 0) return true;
     if (!counted_.contains(tenant)) {
       PLANISH_ASSIGN_OR_RETURN(const bool is_alone, sql_.TrySerialize(absl::StrCat("running of ", tenant)));
       if (!is_alone) return false;
@@ -199,9 +217,21 @@ class Claimer {
           const SqlRows rows, sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
                                        {std::string_view(tenant)}));
       accounts_.tenants[tenant].running = rows.Int(0, 0);
+      if (limits.memory_bytes >= 0) {
+        PLANISH_ASSIGN_OR_RETURN(
+            const SqlRows memory,
+            sql_.Run(
+                "SELECT CAST(coalesce(sum(memory_bytes), 0) AS BIGINT) FROM works WHERE running = 1 AND tenant = ?",
+                {std::string_view(tenant)}));
+        reserved_[tenant] = memory.Int(0, 0);
+      }
       counted_.insert(tenant);
     }
-    return MayRunMore(limits, accounts_.tenants[tenant].running);
+    // Work that needs more than a limit, which was higher when it came, runs beside nothing else.
+    const std::int64_t reserved = reserved_[tenant];
+    const bool has_memory =
+        limits.memory_bytes < 0 || reserved == 0 || reserved + work.memory_bytes <= limits.memory_bytes;
+    return has_memory && MayRunMore(limits, accounts_.tenants[tenant].running);
   }
 
   // The work, which waits, is this owner's.
@@ -213,7 +243,10 @@ class Claimer {
     const std::int64_t charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
     TenantAccount& account = accounts_.tenants[tenant];
     // Until one of its attempts ended its own limit may have kept it back.
-    const bool was_held_back = limits.running >= 0 && account.running + 1 >= limits.running;
+    std::int64_t& reserved = reserved_[tenant];
+    reserved += row.memory_bytes;
+    const bool was_held_back = (limits.running >= 0 && account.running + 1 >= limits.running) ||
+                               (limits.memory_bytes >= 0 && reserved + row.memory_bytes > limits.memory_bytes);
     const std::int64_t lift = was_held_back ? LiftOf(accounts_, tenant, share, Now()) : 0;
     account.received += lift;
     transaction_.accounts().of(tenant).received += lift;
@@ -266,7 +299,8 @@ class Claimer {
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // with what was chosen
   std::vector<LockedWork> chosen_;
-  std::set<std::string> passed_by_, counted_;  // tenants
+  std::set<std::string> passed_by_, counted_;     // tenants
+  std::map<std::string, std::int64_t> reserved_;  // memory, by those that are counted
   // What was locked of a tenant.
   struct Fetched {
     std::deque<LockedWork> heads;  // that were not chosen, in their order
@@ -274,9 +308,11 @@ class Claimer {
     bool all = false;              // there is no more
   };
   std::map<std::string, Fetched> fetched_;
+  std::int64_t longest_short_ = std::numeric_limits<std::int64_t>::max();  // nanoseconds
   // Of this owner.
   std::int64_t running_ = 0;
   std::int64_t memory_ = 0;
+  std::int64_t long_ = 0;  // pieces of long work
   bool runs_alone_ = false;
 };
 

@@ -135,6 +135,9 @@ struct ClaimRequest {
   std::string work;                            // this one only, whosever turn it is, and not whatever is next
   TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
   double seconds_factor = 1;                   // what work takes over what was expected of it, lately
+  // Work that is expected to take longer is long, and the owner may have so many pieces of it.
+  absl::Duration long_from = absl::InfiniteDuration();
+  int most_long = 0;
 };
 
 // How a claim waited until few enough others were under way.
@@ -339,7 +342,8 @@ struct JobStoreOptions {
 std::unique_ptr<JobStore> NewJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
 
 // With OpenSqliteDatabase().
-absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path);
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path,
+                                                       std::function<bool()> give_up_reserve = nullptr);
 
 // Errors that several parts give: NOT_FOUND with JOB_NOT_FOUND; ABORTED with LEASE_LOST.
 absl::Status JobNotFound(const std::string& name);

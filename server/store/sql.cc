@@ -24,14 +24,28 @@ absl::Status StoreUnavailable(const std::string& why) {
   return MakeError(absl::StatusCode::kUnavailable, "STORE_UNAVAILABLE", "the job store: " + why);
 }
 
-absl::Status Transact(SqlDatabase* database, Durability durability,
-                      const std::function<absl::Status(SqlConnection&)>& body) {
+namespace {
+
+absl::Status TransactOnce(SqlDatabase* database, Durability durability,
+                          const std::function<absl::Status(SqlConnection&)>& body) {
   PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database->Connect(SqlDatabase::Use::kWrite));
   absl::Status status = connection->Begin(durability);
   if (status.ok()) status = body(*connection);
   if (status.ok()) status = connection->Commit();
   if (!status.ok()) connection->Rollback();
   return status;
+}
+
+}  // namespace
+
+absl::Status Transact(SqlDatabase* database, Durability durability,
+                      const std::function<absl::Status(SqlConnection&)>& body) {
+  constexpr int kMostAttempts = 8;  // what is given up may be somebody else's before it is ours
+  for (int attempt = 1;; ++attempt) {
+    absl::Status status = TransactOnce(database, durability, body);
+    const bool is_full = !status.ok() && ErrorInfoOf(status).reason == "STORAGE_FULL";
+    if (!is_full || attempt == kMostAttempts || !database->GiveUpReserve()) return status;
+  }
 }
 
 RowBatch RowBatch::Of(std::string statement) {

@@ -145,6 +145,9 @@ class SqlDatabase {
   // Whether other processes may use it at the same time.
   virtual bool is_shared() const = 0;
 
+  // After STORAGE_FULL: whether there is more room than before, so that a transaction that failed may be tried again.
+  virtual bool GiveUpReserve() { return false; }
+
   // Whether rows outlive the process.
   virtual bool outlives_process() const = 0;
 };
@@ -182,7 +185,8 @@ class RowBatch {
   std::deque<std::string> bytes_;  // of the values; each stays where it is
 };
 
-// Runs `body` in a transaction: commits if it returns OK, otherwise leaves everything as it was.
+// Runs `body` in a transaction: commits if it returns OK, otherwise leaves everything as it was. Where the disk is full
+// and there is a reserve, `body` runs again.
 absl::Status Transact(SqlDatabase* database, Durability durability,
                       const std::function<absl::Status(SqlConnection&)>& body);
 
@@ -207,7 +211,8 @@ absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const Postgres
 
 // SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of
 // JobStore. FAILED_PRECONDITION with STORE_VERSION if the file was written by a newer version of planish. One process
-// at a time; writers take turns.
-absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path);
+// at a time; writers take turns. `give_up_reserve`: of SqlDatabase, null: there is none.
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path,
+                                                                std::function<bool()> give_up_reserve = nullptr);
 
 }  // namespace planish

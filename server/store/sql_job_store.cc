@@ -42,7 +42,6 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<absl::Time> Now() override { return questions_.Now(clock_); }
 
   // ---- callers
-
   absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) override {
     std::vector<std::string> keys = KeysOf(job);
     AcceptCall call = {std::move(job), std::move(keys), {}, {}};
@@ -128,6 +127,7 @@ class SqlJobStore : public JobStore {
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
     PLANISH_RETURN_IF_ERROR(Change(context, durability, [&](JobTransaction& transaction) {
+      claimed.clear();
       return ClaimIn(&transaction, request, &claimed, wait);
     }));
     return claimed;
@@ -544,8 +544,8 @@ std::unique_ptr<JobStore> NewJobStore(std::unique_ptr<SqlDatabase> database, Job
   return std::make_unique<SqlJobStore>(std::move(database), std::move(options));
 }
 
-absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path) {
-  PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<SqlDatabase> database, OpenSqliteDatabase(path));
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path, std::function<bool()> give_up_reserve) {
+  PLANISH_ASSIGN_OR_RETURN(auto database, OpenSqliteDatabase(path, std::move(give_up_reserve)));
   return NewJobStore(std::move(database));
 }
 

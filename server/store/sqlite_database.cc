@@ -1,12 +1,15 @@
 // SQLite as a SqlDatabase: the schema, its versions, and who may use which connection.
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <iterator>
 #include <mutex>
 #include <optional>
+#include <system_error>
 #include <unordered_map>
 
 #include "absl/strings/str_cat.h"
@@ -146,13 +149,26 @@ constexpr std::int64_t kVersion = std::size(kMigrations);
 constexpr std::int64_t kWithoutCreateTimes = 3;  // the last version
 constexpr std::int64_t kWithoutLeases = 4;       // likewise
 
-// Pages of the log that are collected before they are copied into the database, which takes two more syncs.
-//
 // FULL: a commit syncs the log before it returns, so that what a caller is told outlives a loss of power. Writes that
 // may be lost with the power and are then made again (deletions) run with NORMAL: Begin().
+//
+// auto_vacuum: as GiveBackPages() wants it; only a new file takes it.
 constexpr char kPragmas[] =
-    "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA wal_autocheckpoint = 4000; PRAGMA busy_timeout = "
-    "10000";
+    "PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; "
+    "PRAGMA busy_timeout = 10000";
+
+// Pages of the log that are collected before they are copied into the database, which takes two more syncs. On a small
+// disk fewer: a 64th of it.
+std::int64_t LogPages(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(path, error);
+  const std::uintmax_t pages = error ? 4000 : space.capacity / 64 / 4096;
+  return static_cast<std::int64_t>(std::clamp<std::uintmax_t>(pages, 16, 4000));
+}
+
+// Free pages that a database keeps, and those that it gives back to the file system at once.
+constexpr std::int64_t kMostFreePages = 1024;
+constexpr char kGiveBackPages[] = "PRAGMA incremental_vacuum(256)";
 
 // The path of a database without a file.
 constexpr std::string_view kInMemory = ":memory:";
@@ -187,7 +203,11 @@ class SqliteConnection : public SqlConnection {
     return Run("BEGIN IMMEDIATE", {}).status();
   }
 
-  absl::Status Commit() override { return Run("COMMIT", {}).status(); }
+  absl::Status Commit() override {
+    PLANISH_RETURN_IF_ERROR(Run("COMMIT", {}).status());
+    if (has_file_ && durability_ == Durability::kLater) GiveBackPages();
+    return absl::OkStatus();
+  }
   // An error where nothing was begun, or where SQLite rolled back by itself, says nothing new.
   void Rollback() override { Run("ROLLBACK", {}).status().IgnoreError(); }
   absl::Status Serialize(const std::vector<std::string>&) override { return absl::OkStatus(); }
@@ -232,6 +252,13 @@ class SqliteConnection : public SqlConnection {
   }
 
  private:
+  // After deletions. An error leaves the pages to be used again.
+  void GiveBackPages() {
+    const absl::StatusOr<SqlRows> free = Run("PRAGMA freelist_count", {});
+    if (!free.ok() || free->Int(0, 0) <= kMostFreePages || !Run(kGiveBackPages, {}).ok()) return;
+    Run("PRAGMA wal_checkpoint(PASSIVE)", {}).status().IgnoreError();  // the file gets shorter
+  }
+
   SqliteConnection(Database database, bool has_file) : database_(std::move(database)), has_file_(has_file) {}
 
   Database database_;
@@ -335,10 +362,17 @@ class FairMutex {
 // lives in memory has one connection, as another could not see it.
 class SqliteDatabase : public SqlDatabase {
  public:
-  static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path) {
+  static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path,
+                                                           const std::function<bool()>& give_up_reserve) {
     std::unique_ptr<SqliteDatabase> database(new SqliteDatabase);
+    database->give_up_reserve_ = give_up_reserve;
+    database->path_ = path;
     PLANISH_ASSIGN_OR_RETURN(database->writer_.connection, SqliteConnection::Open(path));
     PLANISH_RETURN_IF_ERROR(database->writer_.connection->database().Execute(kPragmas));
+    if (path != kInMemory) {
+      const std::string log = absl::StrCat("PRAGMA wal_autocheckpoint = ", LogPages(path));
+      PLANISH_RETURN_IF_ERROR(database->writer_.connection->database().Execute(log.c_str()));
+    }
     PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.connection.get()));
     for (Place& reader : database->readers_) {
       if (path == kInMemory) break;
@@ -363,6 +397,14 @@ class SqliteDatabase : public SqlDatabase {
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
   bool is_shared() const override { return false; }
+  // First the log, which has many versions of few pages; writing them where they belong may take a little room.
+  bool GiveUpReserve() override {
+    if (give_up_reserve_ == nullptr) return false;
+    if (ShortenLog()) return true;
+    if (!give_up_reserve_()) return false;
+    ShortenLog();
+    return true;
+  }
   bool outlives_process() const override { return readers_[0].connection != nullptr; }
 
  private:
@@ -372,7 +414,23 @@ class SqliteDatabase : public SqlDatabase {
   };
   static constexpr std::size_t kReaders = 3;
 
+  // Whether that gave room.
+  bool ShortenLog() {
+    const std::lock_guard lock(writer_.mutex);
+    const std::int64_t before = LogBytes();
+    writer_.connection->Run("PRAGMA wal_checkpoint(TRUNCATE)", {}).status().IgnoreError();
+    return LogBytes() < before;
+  }
+
+  std::int64_t LogBytes() const {
+    std::error_code error;
+    const std::uintmax_t bytes = std::filesystem::file_size(path_ + "-wal", error);
+    return error ? 0 : static_cast<std::int64_t>(bytes);
+  }
+
+  std::string path_;
   std::string id_;
+  std::function<bool()> give_up_reserve_;
   Place writer_;
   std::array<Place, kReaders> readers_;  // null in memory
   std::atomic<std::size_t> next_reader_ = 0;
@@ -380,8 +438,14 @@ class SqliteDatabase : public SqlDatabase {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path) {
-  return SqliteDatabase::Open(path);
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path,
+                                                                std::function<bool()> give_up_reserve) {
+  // Opening writes, too: what was left to do when the server before ended.
+  for (;;) {
+    absl::StatusOr<std::unique_ptr<SqlDatabase>> database = SqliteDatabase::Open(path, give_up_reserve);
+    if (database.ok() || ErrorInfoOf(database.status()).reason != "STORAGE_FULL") return database;
+    if (give_up_reserve == nullptr || !give_up_reserve()) return database;
+  }
 }
 
 }  // namespace planish

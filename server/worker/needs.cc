@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/draco/header.h"
 #include "core/unwrap/estimate.h"
@@ -13,6 +15,10 @@ namespace {
 // Where a file does not say how many triangles it has: the fewest bytes that Draco spends on one, so the most there may
 // be in a file that is not made to deceive.
 constexpr std::int64_t kLeastBytesPerTriangle = 1;
+
+// More than any encoder writes: Draco's makes 311 bytes of a million triangles that all lie in one point, and 912 of a
+// plane grid with coordinates of one bit.
+constexpr std::int64_t kMostTrianglesPerByte = 4096;
 
 }  // namespace
 
@@ -26,6 +32,14 @@ absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mes
     PLANISH_ASSIGN_OR_RETURN(const DracoCounts counts, PeekDraco(draco));
     const std::int64_t unknown = size.triangles() > 0 ? size.triangles() : mesh_bytes / kLeastBytesPerTriangle;
     needs.size.set_triangles(counts.faces.value_or(unknown));
+    // What is declared is reserved, so it must be possible.
+    const std::int64_t bytes = std::max(mesh_bytes, static_cast<std::int64_t>(draco.size()));
+    if (counts.faces.value_or(0) / kMostTrianglesPerByte > bytes) {
+      return MakeError(
+          absl::StatusCode::kInvalidArgument, "MESH_DECODE_FAILED",
+          absl::StrCat("the mesh says that it has ", *counts.faces, " triangles, and has only ", bytes,
+                       " bytes: no Draco file holds more than ", kMostTrianglesPerByte, " triangles a byte"));
+    }
     needs.size.set_vertices(counts.vertices.value_or(size.vertices()));
   }
   needs.size.set_triangles(std::max<std::int64_t>(needs.size.triangles(), 0));

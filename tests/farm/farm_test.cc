@@ -258,6 +258,50 @@ TEST_F(FarmTest, AStandbyThatIsPromotedGoesOn) {
   EXPECT_LE(ClientOf("c").ListJobs().size(), 1u);
 }
 
+// A restart would not help the database, and would kill what computes.
+TEST_F(FarmTest, AHungDatabaseEndsReadinessAndNeverLiveness) {
+  std::map<std::string, std::string> http;
+  for (const std::string name : {"front", "worker"}) {
+    const std::string role = "--role=" + name;
+    Daemon& daemon = Start(
+        name, {role, "--listen=unix:" + SocketOf(name), "--workers=1", "--threads=1", "--metrics-listen=127.0.0.1:0"});
+    const std::string said = "metrics and probes at ", log = daemon.ReadUntil(said);
+    const std::size_t at = log.find(said) + said.size();
+    http[name] = log.substr(at, log.find('\n', at) - at);
+  }
+  const auto status = [&](const std::string& name, const std::string& path) {
+    return HttpGet(http[name], path).status;
+  };
+  Client client = ClientOf("front");
+  Heard heard;
+  Call call = client.StartUnwrap(slow_.View(), Slowly(), heard.Listen());
+  ASSERT_TRUE(WaitUntil([&] { return heard.count() > 3; }));
+  for (const auto& [name, address] : http) {
+    EXPECT_EQ(status(name, "/readyz"), 200) << name;
+    EXPECT_THAT(HttpGet(address, "/metrics").body, HasSubstr("\nplanish_store_answers 1\n")) << name;
+    EXPECT_THAT(HttpGet(address, "/metrics").body, HasSubstr("planish_jobs_running{tenant=\"default\"} 1\n")) << name;
+  }
+  postgres_->Freeze();
+  for (const auto& [name, address] : http) {
+    EXPECT_TRUE(WaitUntil([&] { return status(name, "/readyz") == 503; })) << name;
+    EXPECT_THAT(HttpGet(address, "/readyz").body,
+                ::testing::AnyOf(HasSubstr("the store has not answered for"), HasSubstr("cannot be reached")))
+        << name;
+    EXPECT_EQ(status(name, "/livez"), 200) << name;
+    const std::string metrics = HttpGet(address, "/metrics").body;
+    EXPECT_THAT(metrics, HasSubstr("\nplanish_store_answers 0\n")) << name;
+    EXPECT_THAT(metrics, HasSubstr("planish_jobs_running{tenant=\"default\"} 1\n")) << name << ": of the last answer";
+  }
+  postgres_->Thaw();
+  for (const auto& [name, address] : http) {
+    EXPECT_TRUE(WaitUntil([&] { return status(name, "/readyz") == 200; })) << name;
+    EXPECT_THAT(HttpGet(address, "/metrics").body, HasSubstr("\nplanish_store_answers 1\n")) << name;
+  }
+  call.Stop();
+  EXPECT_EQ(call.Wait().uv.As<double>().size(), 2 * slow_.triangles.size());
+  EXPECT_EQ(heard.ends(), 1);
+}
+
 // What deploy/FARM.md says of backups: a copy by pg_dump is a farm with all results.
 TEST_F(FarmTest, ABackupIsAFarm) {
   StartWorker("w");

@@ -36,6 +36,7 @@ tenants:
     share: 2.5
     queue: 200
     running: 4
+    memory-mb: 8192
     store-mb: 2048
     credentials:
       - token-sha256: ")" +
@@ -73,7 +74,8 @@ TEST(AccessFile, TenantsLimitsAndCredentials) {
   ASSERT_TRUE(table.ok()) << table.status();
   EXPECT_EQ((*table)->tenants().size(), 3u);
   EXPECT_EQ((*table)->credentials(), 4u);
-  EXPECT_EQ((*table)->LimitsOf("lighting"), (TenantLimits{2.5, 200, 4, std::int64_t{2048} << 20}));
+  EXPECT_EQ((*table)->LimitsOf("lighting"),
+            (TenantLimits{2.5, 200, 4, std::int64_t{8192} << 20, std::int64_t{2048} << 20}));
   EXPECT_EQ((*table)->LimitsOf("fx_2"), TenantLimits());
   EXPECT_EQ((*table)->LimitsOf("nobody"), TenantLimits());
 

@@ -165,13 +165,14 @@ TEST_F(S3Faults, RefusalsAreNotTriedAgain) {
   const auto refused = [this](const S3BlobsOptions& options) {
     const int before = proxy_->requests();
     const absl::Status status = S3BlobStore::Make(options).status();
-    EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable) << status;
+    EXPECT_EQ(Reason(status), "STORE_UNAVAILABLE");
     EXPECT_EQ(proxy_->requests() - before, 1);
     return std::string(status.message());
   };
   S3BlobsOptions wrong = options_;
   wrong.s3.credentials.access_key_id = "nobody";
-  EXPECT_THAT(refused(wrong), HasSubstr("InvalidAccessKeyId"));
+  EXPECT_THAT(refused(wrong), HasSubstr("InvalidAccessKeyId: "));
   wrong = options_;
   wrong.s3.bucket = "nowhere";
   EXPECT_THAT(refused(wrong), HasSubstr("NoSuchBucket"));

@@ -166,6 +166,15 @@ class ConfigTest : public ::testing::Test {
   std::unique_ptr<admin::v1::Admin::Stub> admin_;
 };
 
+TEST_F(ConfigTest, MetricsForOtherMachinesAreWarnedOf) {
+  for (const std::string address : {"0.0.0.0:9741", "[::]:9741", "10.1.2.3:9741"}) {
+    const Said said = Run({"--check-config", "--metrics-listen=" + address});
+    EXPECT_EQ(said.code, 0);
+    EXPECT_THAT(said.text, HasSubstr("--metrics-listen=" + address + " tells whoever connects")) << said.text;
+  }
+  EXPECT_EQ(Run({"--check-config", "--metrics-listen=127.0.0.1:9741"}).text, "ok\n");
+}
+
 TEST_F(ConfigTest, PrintsWhatIsInEffectAsAFileThatGivesTheSame) {
   Write("queue: 5\ngrace: 1.5\nlisten: [127.0.0.1:0]\nsandbox: off\n");
   setenv("PLANISHD_QUEUE", "6", 1);

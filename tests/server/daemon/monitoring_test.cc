@@ -6,6 +6,7 @@
 #include <regex>
 #include <thread>
 
+#include "absl/time/clock.h"
 #include "core/base/sha256.h"
 #include "core/draco/codec.h"
 #include "gmock/gmock.h"
@@ -14,6 +15,7 @@
 #include "planish/v1/planish.grpc.pb.h"
 #include "server/metrics/definitions.h"
 #include "tests/server/daemon/monitoring_files.h"
+#include "tests/testing/certificates.h"
 #include "tests/testing/daemon.h"
 #include "tests/testing/files.h"
 #include "tests/testing/http_get.h"
@@ -339,6 +341,31 @@ TEST(Watching, ScrapesWhileWorkersComputeInTheSameProcess) {
   EXPECT_GT(answers, 6);
   EXPECT_EQ(others, 0);
   EXPECT_EQ(server.Status("/livez"), 200);
+}
+
+// The number is of the certificate in force.
+TEST(Watching, ARefusedCertificateDoesNotCount) {
+  const TempDir dir;
+  const TestAuthority authority;
+  CertificateRequest request;
+  request.common_name = "localhost";
+  request.not_before = absl::Now() - absl::Hours(48);
+  request.not_after = absl::FromUnixSeconds(absl::ToUnixSeconds(absl::Now()) + 1'000'000);
+  const IssuedCertificate good = authority.Issue(request);
+  request.not_after = absl::Now() - absl::Hours(24);
+  const IssuedCertificate expired = authority.Issue(request);
+  ReplaceFile(dir.Path("cert.pem"), good.certificate);
+  ReplaceFile(dir.Path("key.pem"), good.key);
+  Watched server({"--workers=1", "--tls-cert=" + dir.Path("cert.pem"), "--tls-key=" + dir.Path("key.pem")});
+  const auto end = [&] {
+    return ParseScrape(server.Get("/metrics")).values["planish_tls_certificate_not_after_seconds"];
+  };
+  const double before = end();
+  EXPECT_GT(before, absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
+  ReplaceFile(dir.Path("key.pem"), expired.key);
+  ReplaceFile(dir.Path("cert.pem"), expired.certificate);
+  EXPECT_THAT(server.daemon().ReadUntil("stays as it was"), HasSubstr("stays as it was"));
+  EXPECT_EQ(end(), before);
 }
 
 TEST(Watching, AddressThatIsTakenIsRefused) {

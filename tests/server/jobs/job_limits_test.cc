@@ -345,6 +345,14 @@ TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
   Restart();
   EXPECT_EQ(ErrorInfoOf(refusal("61a")).reason, "MEMORY_LIMIT");
   EXPECT_EQ(ErrorInfoOf(refusal("61a")).metadata.at("limit"), "500");
+  options_.memory_bytes = 5000;
+  options_.tenant_limits = [](const std::string&) {
+    TenantLimits limits;
+    limits.memory_bytes = 400;
+    return limits;
+  };
+  Restart();
+  EXPECT_EQ(ErrorInfoOf(refusal("61a")).metadata.at("limit"), "400") << "the tenant's own";
 }
 
 TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {

@@ -290,6 +290,48 @@ TEST_P(UploadStoreTest, BoundsOnWhatIsUnderWay) {
   EXPECT_TRUE(store_->Use(caller_, names[2]).ok());
 }
 
+// What a program that died left under way.
+TEST_P(UploadStoreTest, IdleUploadsGiveWayToNewOnesOfTheirTenant) {
+  options_.max_uploads = 3;
+  options_.max_bytes = 1000;
+  Start();
+  std::vector<std::string> names;
+  for (const char* mesh : {"first", "second", "third"}) {
+    names.push_back(CreateFor(mesh));
+    now_ += absl::Seconds(10);
+  }
+  UploadWriter writer = *store_->Write(caller_, names[0]);
+  ASSERT_TRUE(writer.Append(0, "fi").ok());
+  EXPECT_EQ(ReasonOf(Create(1, Sha256("4")).status()), "QUEUE_FULL") << "all of them are young";
+  now_ += options_.gives_way_after - absl::Seconds(10);
+  EXPECT_TRUE(Create(1, Sha256("4")).ok());
+  EXPECT_EQ(ReasonOf(store_->Get(caller_, names[1]).status()), "UPLOAD_NOT_FOUND") << "nobody used it for longest";
+  EXPECT_EQ(Committed(names[0]), 2) << "it was written to last";
+  now_ += absl::Hours(1) - absl::Seconds(1);
+  EXPECT_TRUE(Create(900, Sha256("5")).ok()) << "for bytes, too";
+  EXPECT_EQ(ReasonOf(store_->Get(caller_, names[2]).status()), "UPLOAD_NOT_FOUND");
+  EXPECT_TRUE(writer.Append(2, "rst").ok());
+}
+
+TEST_P(UploadStoreTest, ListsWhatIsUnderWay) {
+  std::vector<std::string> names;
+  for (const char* mesh : {"first", "second", "third"}) {
+    names.push_back(CreateFor(mesh));
+    now_ += absl::Seconds(1);
+  }
+  ASSERT_TRUE(WriteOnce(names[1], 0, "second").ok());
+  ASSERT_TRUE(WriteOnce(names[0], 0, "fi").ok());
+  const absl::StatusOr<v1::ListUploadsResponse> list = store_->List(caller_);
+  ASSERT_TRUE(list.ok());
+  ASSERT_EQ(list->uploads_size(), 2) << "one is complete";
+  EXPECT_EQ(list->uploads(0).name(), names[2]) << "the one not written to for longest comes first";
+  EXPECT_EQ(list->uploads(1).name(), names[0]);
+  EXPECT_EQ(list->uploads(1).committed_bytes(), 2);
+  Caller other;
+  other.tenant = "other";
+  EXPECT_EQ(store_->List(other)->uploads_size(), 0);
+}
+
 TEST_P(UploadStoreTest, NoRoomForTheBlobLosesNothing) {
   Start(/*max_blob_bytes=*/150);
   ASSERT_TRUE(blobs_->Put(kDefaultTenant, Noise(100, 7)).ok());

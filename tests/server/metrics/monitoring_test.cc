@@ -1,11 +1,20 @@
 #include "server/monitoring.h"
 
+#include <atomic>
 #include <filesystem>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <utility>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "server/metrics/patient_question.h"
+#include "server/metrics/store_probe.h"
 #include "tests/server/rpc/rpc_test_server.h"
+#include "tests/testing/files.h"
 #include "tests/testing/http_get.h"
+#include "tests/testing/process.h"
 
 namespace planish {
 namespace {
@@ -21,14 +30,14 @@ class MonitoringTest : public ::testing::Test {
   }
   ~MonitoringTest() override { monitoring_.Detach(); }
 
-  void Attach(const std::string& data_dir = "") {
+  void Attach(std::function<absl::Status()> ask_store = nullptr) {
     WatchedServer watched;
     watched.jobs = &server_.manager();
     watched.uploads = &server_.uploads();
     watched.blobs = &blobs_;
     watched.streams = &streams_;
     watched.rpc = &server_.rpc();
-    watched.data_dir = data_dir;
+    watched.ask_store = std::move(ask_store);
     monitoring_.Attach(watched);
   }
 
@@ -105,21 +114,45 @@ TEST_F(MonitoringTest, NotReadyWithoutAnyWorker) {
 
 TEST_F(MonitoringTest, NotReadyWhereTheStoreCannotBeWritten) {
   TempDir dir;
-  std::filesystem::create_directory(dir.Path("data"));
-  Attach(dir.Path("data"));
-  monitoring_.Beat();
-  EXPECT_EQ(Ask("/readyz"), "200 ready\n");
-  Monitoring other("1");
-  EXPECT_TRUE(other.Listen(*ParseHttpAddress("127.0.0.1:0")).ok());
-  WatchedServer watched;
-  watched.jobs = &server_.manager();
-  watched.rpc = &server_.rpc();
-  watched.data_dir = dir.Path("gone");
-  other.Attach(watched);
-  other.Beat();
-  const auto answer = HttpGet("http://" + *other.address(), "/readyz");
-  EXPECT_EQ(answer.status, 503);
-  EXPECT_THAT(answer.body, HasSubstr("gone: No such file or directory"));
+  const std::string data = dir.Path("data");
+  std::filesystem::create_directory(data);
+  Attach([data] { return TryToWrite(data); });
+  const auto ask = [this] {
+    monitoring_.Beat();
+    return Ask("/readyz");
+  };
+  EXPECT_EQ(ask(), "200 ready\n");
+  std::filesystem::remove(data);
+  EXPECT_TRUE(WaitUntil([&] { return ask() != "200 ready\n"; }));
+  EXPECT_THAT(ask(), HasSubstr("data: No such file or directory"));
+  EXPECT_EQ(Ask("/livez"), "200 live\n");
+}
+
+TEST(PatientQuestionTest, WaitsForALimitedTimeAndThenHasTheAnswerBefore) {
+  std::mutex hang;
+  std::atomic<int> asked = 0;
+  PatientQuestion<int> question([&] {
+    const int answer = ++asked;
+    const std::lock_guard lock(hang);
+    return answer;
+  });
+  std::optional<int> answer;
+  EXPECT_TRUE(question.AskAndWait(std::chrono::seconds(60), &answer));
+  EXPECT_EQ(answer, 1);
+  EXPECT_TRUE(question.AskAndWait(std::chrono::seconds(60), &answer));
+  EXPECT_EQ(answer, 2) << "each time anew";
+  {
+    const std::lock_guard lock(hang);
+    EXPECT_FALSE(question.AskAndWait(std::chrono::milliseconds(10), &answer));
+    EXPECT_EQ(answer, 2);
+    // Nobody waits once more for what has been open for longer than that.
+    EXPECT_TRUE(WaitUntil([&] { return question.Silence() > std::chrono::milliseconds(10); }));
+    EXPECT_FALSE(question.AskAndWait(std::chrono::milliseconds(10), &answer));
+    EXPECT_EQ(question.Newest(), 2);
+    EXPECT_EQ(asked, 3);
+  }
+  EXPECT_TRUE(question.AskAndWait(std::chrono::seconds(60), &answer));
+  EXPECT_EQ(answer, 4);
 }
 
 TEST_F(MonitoringTest, NotLiveWhenCallsAreNotAnswered) {

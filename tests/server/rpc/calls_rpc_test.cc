@@ -287,6 +287,29 @@ JobManagerOptions RealEstimates() {
   return options;
 }
 
+// What is declared is reserved.
+TEST(DeclaredCounts, MustFitIntoTheBytes) {
+  const auto mesh = [](std::int64_t faces, std::size_t bytes) {
+    std::string draco("DRACO\x02\x02\x01\x01\x00\x00\x00", 12);  // Edgebreaker
+    for (std::int64_t count : {faces / 2 + 2, faces}) {
+      for (; count >= 128; count >>= 7) draco.push_back(static_cast<char>(0x80 | (count & 127)));
+      draco.push_back(static_cast<char>(count));
+    }
+    draco.resize(bytes, '\0');
+    return draco;
+  };
+  const auto needs = [](const std::string& draco, std::int64_t whole = 0) {
+    return EstimateNeeds(draco, whole, v1::MeshSize(), v1::UnwrapOptions());
+  };
+  const absl::Status refused = needs(mesh(13'000'000, 30)).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument) << refused;
+  EXPECT_EQ(ErrorInfoOf(refused).reason, "MESH_DECODE_FAILED");
+  EXPECT_TRUE(needs(mesh(13'000'000, 30), 10'000).ok()) << "the first bytes of a file of so many";
+  const auto accepted = needs(mesh(980'000, 311));  // as Draco makes it of a million triangles in one point
+  ASSERT_TRUE(accepted.ok()) << accepted.status();
+  EXPECT_EQ(accepted->size.triangles(), 980'000);
+}
+
 TEST(MeshArrays, CountTowardsTheLimitsOfAMesh) {
   JobManagerOptions options = RealEstimates();
   options.max_triangles = 2;

@@ -118,6 +118,7 @@ TEST_F(TlsTest, ANewCertificateIsForNewConnectionsAndOpenCallsGoOn) {
 
 TEST_F(TlsTest, AWrongPairIsNotTaken) {
   Start();
+  const absl::Time not_after = server_.tls().not_after();
   IssuedCertificate mixed = IssueLocal(authority_, "second");
   mixed.key = IssueLocal(authority_).key;
   server_.WriteTls(mixed, "");
@@ -130,6 +131,7 @@ TEST_F(TlsTest, AWrongPairIsNotTaken) {
   server_.WriteTls(authority_.Issue(expired), "");
   EXPECT_THAT(std::string(server_.tls().Reload(absl::Now()).message()), HasSubstr("expired"));
   EXPECT_EQ(server_.Call(Client()).server_name, "first");
+  EXPECT_EQ(server_.tls().not_after(), not_after) << "of the certificate in force";
 }
 
 TEST_F(TlsTest, RequiredCertificates) {

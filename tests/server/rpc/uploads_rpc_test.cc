@@ -78,6 +78,18 @@ class UploadsRpc : public ::testing::Test {
   RpcTestServer server_{Digest()};
 };
 
+TEST_F(UploadsRpc, ListsWhatIsUnderWay) {
+  const v1::Upload first = Create("first"), second = Create("second");
+  ASSERT_TRUE(Write({{second.name(), 0, "second"}}).ok());
+  ASSERT_TRUE(Write({{first.name(), 0, "fi"}}).ok());
+  grpc::ClientContext context;
+  v1::ListUploadsResponse list;
+  ASSERT_TRUE(server_.stub().ListUploads(&context, {}, &list).ok());
+  ASSERT_EQ(list.uploads_size(), 1);
+  EXPECT_EQ(list.uploads(0).name(), first.name());
+  EXPECT_EQ(list.uploads(0).committed_bytes(), 2);
+}
+
 TEST_F(UploadsRpc, InPiecesOverSeveralCallsToAJob) {
   const std::string mesh = Noise(200'000);
   const std::string name = Create(mesh).name();

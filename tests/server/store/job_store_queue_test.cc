@@ -19,6 +19,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
+using ::testing::UnorderedElementsAre;
 
 // Tenants whose names say what they do, and workers that a test plays.
 class JobQueueStoreTest : public JobStoreTest {
@@ -150,6 +151,55 @@ TEST_P(JobQueueStoreTest, ATenantRunsNoMoreThanItMay) {
   EXPECT_THAT(ClaimSome("b", 10), IsEmpty());
   Succeed({"jobs/ann0", 1, "a"});
   EXPECT_THAT(ClaimSome("b", 10), SizeIs(1));
+}
+
+TEST_P(JobQueueStoreTest, ATenantReservesNoMoreMemoryThanItMay) {
+  limits_["ann"].memory_bytes = 250;
+  AddMany("ann", 5);  // 100 bytes each
+  AddMany("bob", 1);
+  EXPECT_THAT(ClaimSome("a", 10), SizeIs(3));
+  EXPECT_THAT(ClaimSome("b", 10), IsEmpty()) << "on whatever server";
+  Succeed({"jobs/ann0", 1, "a"});
+  EXPECT_THAT(ClaimSome("b", 10), SizeIs(1));
+  // A limit that is lower than it was keeps nothing back for ever.
+  limits_["ann"].memory_bytes = 50;
+  for (const char* work : {"jobs/ann1", "jobs/bob0"}) Succeed({work, 1, "a"});
+  EXPECT_THAT(ClaimSome("a", 10), IsEmpty());
+  Succeed({"jobs/ann2", 1, "b"});
+  EXPECT_THAT(ClaimSome("a", 10), SizeIs(1));
+}
+
+TEST_P(JobQueueStoreTest, SomeOfAnOwnersWorkersAreForShortWorkOnly) {
+  for (const auto& [name, seconds] : std::map<std::string, int>{{"a", 60}, {"b", 60}, {"c", 60}, {"d", 5}, {"e", 5}}) {
+    NewJob job = JobOf("ann", name);
+    job.run_time = absl::Seconds(seconds);
+    Accept(job);
+  }
+  NewJob other = JobOf("bob", "f");
+  other.run_time = absl::Seconds(60);
+  Accept(other);
+  ClaimRequest request = {"x", absl::Seconds(10), 3, 0, "", nullptr};
+  request.long_from = absl::Seconds(10);
+  request.most_long = 1;
+  const auto claim = [&](int most) {
+    request.most = most;
+    std::vector<std::string> names;
+    const absl::StatusOr<std::vector<ClaimedWork>> claimed = store_->Claim(context_, request);
+    EXPECT_TRUE(claimed.ok()) << claimed.status();
+    for (const ClaimedWork& work : claimed.value()) names.push_back(work.lease.work);
+    return names;
+  };
+  EXPECT_THAT(claim(3), UnorderedElementsAre("jobs/a", "jobs/d", "jobs/e")) << "the first that is long, and all short";
+  EXPECT_THAT(claim(1), IsEmpty());
+  Succeed({"jobs/d", 1, "x"});
+  EXPECT_THAT(claim(1), IsEmpty()) << "its worker waits for short work";
+  // Work has taken a tenth of what was expected lately.
+  request.seconds_factor = 0.1;
+  EXPECT_THAT(claim(1), ElementsAre("jobs/f"));
+  request.seconds_factor = 1;
+  Succeed({"jobs/a", 1, "x"});
+  Succeed({"jobs/f", 1, "x"});
+  EXPECT_THAT(claim(2), SizeIs(1));
 }
 
 TEST_P(JobQueueStoreTest, WhatALimitKeepsATenantFromIsNoCredit) {

@@ -108,6 +108,16 @@ std::string PostgresServer::Secure(const std::string& certificates, const std::s
   return "postgresql://planish@localhost:" + std::to_string(port_);
 }
 
+void PostgresServer::Freeze() {
+  process_->Signal(SIGSTOP);  // first, so that it starts no more of them
+  for (const pid_t child : ChildrenOf(process_->pid())) kill(child, SIGSTOP);
+}
+
+void PostgresServer::Thaw() {
+  for (const pid_t child : ChildrenOf(process_->pid())) kill(child, SIGCONT);
+  process_->Signal(SIGCONT);
+}
+
 void PostgresServer::Crash() {
   if (process_ == nullptr) return;
   process_->Signal(SIGQUIT);

@@ -42,6 +42,10 @@ class PostgresServer {
   // A copy of the database as a backup by pg_dump has it; its URL.
   std::string Copy(const std::string& url);
 
+  // None of its processes runs until Thaw(); the kernel still takes connections and bytes for them.
+  void Freeze();
+  void Thaw();
+
   // All its processes die at once; and come back.
   void Crash();
   void Start();

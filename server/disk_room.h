@@ -1,0 +1,45 @@
+// Room on the disk of a data directory, and a reserve for when there is none.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+
+#include "absl/time/time.h"
+
+namespace planish {
+
+// Two amounts, both of them at most an eighth of the file system:
+//   headroom  stays free of new meshes, so that jobs that were accepted can end and have their results kept
+//   reserve   a quarter of that, a file that is given up, a quarter at a time, when the disk is full all the same:
+//             SQLite writes its log even to delete something, and to open what is there
+// Thread-safe.
+class DiskRoom {
+ public:
+  // `directory` exists; the reserve is the file `reserve` in it, and a server before this one may have left it. Makes
+  // it if there is room.
+  DiskRoom(std::string directory, std::int64_t headroom_bytes);
+
+  // How many bytes lack if `more` are to leave the headroom; 0 or less: none do.
+  std::int64_t Shortage(std::int64_t more) const;
+
+  // Whether there is room for results.
+  bool HasRoomForResults() const;
+
+  // Gives up a part of the reserve. False if none is left.
+  bool GiveUpReserve();
+
+  // Makes the reserve whole again if there is room. Call it now and then.
+  void Tick();
+
+  std::int64_t headroom_bytes() const { return headroom_; }
+  std::int64_t reserve_bytes() const;  // that are left
+
+ private:
+  const std::string directory_, reserve_path_;
+  std::int64_t headroom_ = 0;
+  std::int64_t whole_reserve_ = 0;
+  mutable std::mutex mutex_;  // held by whoever changes the file
+};
+
+}  // namespace planish

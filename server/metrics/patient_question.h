@@ -1,0 +1,102 @@
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+namespace planish {
+
+// A question that may take for ever, and is asked on a thread of its own: whoever wants the answer waits for a limited
+// time, and then takes the one before. Thread-safe.
+template <class Answer>
+class PatientQuestion {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  explicit PatientQuestion(std::function<Answer()> ask) : ask_(std::move(ask)), thread_([this] { Run(); }) {}
+  // Waits for a question that is under way.
+  ~PatientQuestion() {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+  PatientQuestion(const PatientQuestion&) = delete;
+  PatientQuestion& operator=(const PatientQuestion&) = delete;
+
+  // Asks, unless the question is under way.
+  void Ask() {
+    const std::lock_guard lock(mutex_);
+    if (!begun_at_.has_value()) Want(begun_ + 1);
+  }
+
+  // Asks once more and waits for the answer, but no longer than `patience`, and not at all if an earlier question has
+  // been open for that long. Whether the answer came; `answer` gets the newest there is, if there is any.
+  bool AskAndWait(Clock::duration patience, std::optional<Answer>* answer) {
+    std::unique_lock lock(mutex_);
+    const std::int64_t next = begun_ + 1;
+    bool came = false;
+    if (!begun_at_.has_value() || Clock::now() - *begun_at_ < patience) {
+      Want(next);
+      came = changed_.wait_for(lock, patience, [&] { return answered_ >= next; });
+    }
+    *answer = answer_;
+    return came;
+  }
+
+  // The answer that came last, if any did.
+  std::optional<Answer> Newest() const {
+    const std::lock_guard lock(mutex_);
+    return answer_;
+  }
+
+  // For how long the question under way has been; zero: none is.
+  Clock::duration Silence() const {
+    const std::lock_guard lock(mutex_);
+    return begun_at_.has_value() ? Clock::now() - *begun_at_ : Clock::duration::zero();
+  }
+
+ private:
+  // Requires mutex_.
+  void Want(std::int64_t number) {
+    wanted_ = std::max(wanted_, number);
+    changed_.notify_all();
+  }
+
+  void Run() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      changed_.wait(lock, [this] { return ending_ || wanted_ > begun_; });
+      if (ending_) return;
+      ++begun_;
+      begun_at_ = Clock::now();
+      lock.unlock();
+      Answer answer = ask_();
+      lock.lock();
+      answer_ = std::move(answer);
+      begun_at_.reset();
+      answered_ = begun_;
+      changed_.notify_all();
+    }
+  }
+
+  const std::function<Answer()> ask_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  // Guarded by mutex_. Questions are numbered from 1.
+  std::int64_t wanted_ = 0, begun_ = 0, answered_ = 0;
+  std::optional<Clock::time_point> begun_at_;  // of the question under way
+  std::optional<Answer> answer_;
+  bool ending_ = false;
+  std::thread thread_;  // last: it uses the others
+};
+
+}  // namespace planish
