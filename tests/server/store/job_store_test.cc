@@ -254,8 +254,10 @@ TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
   Add("first", "same");
   const Lease lease = Claim();
   ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
-  constexpr int kKept = 4000, kAtOnce = 200;
-  for (int i = 0; i < kKept; i += kAtOnce) {
+  // In PostgreSQL each of these takes some journeys.
+  constexpr int kAtOnce = 50;
+  const int kept = GetParam() == Engine::kPostgres ? 200 : 4000;
+  for (int i = 0; i < kept; i += kAtOnce) {
     std::vector<NewJob> jobs;
     for (int k = 0; k < kAtOnce; ++k) {
       jobs.push_back(Job(std::to_string(i + k), "same"));
@@ -263,7 +265,7 @@ TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
     }
     store_->AcceptAll(context_, jobs);
   }
-  ASSERT_EQ((*store_->Totals()).tenants.at("ann").ended, kKept + 1);
+  ASSERT_EQ((*store_->Totals()).tenants.at("ann").ended, kept + 1);
   // The cheapest of some: the machine may be busy.
   const auto cost = [&](const std::string& kind, const std::string& key) {
     absl::Duration least = absl::InfiniteDuration();
