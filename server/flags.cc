@@ -41,7 +41,7 @@ void DefineKeeping(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1e-6, 1e6));
   app->add_option("--retain-records-mb", flags->retain_records_mb,
                   "Ended jobs of a tenant that are kept, MiB of their records, reports and events (the last one always "
-                  "is); some 10,000 jobs in 100 MiB")
+                  "is); a job with one chart takes about 3 KB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
   app->add_option("--retain-records-hours", flags->retain_records_hours,

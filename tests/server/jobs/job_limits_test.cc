@@ -96,7 +96,7 @@ TEST_F(JobLimitsTest, WorkerThatDiesOfACancellationCancels) {
   const std::string name = Create();
   Take();
   manager_->Cancel(caller_, name).IgnoreError();
-  EXPECT_EQ(manager_->source()->ObeyBy(name, attempt_), now_ + options_.obey_limit);
+  EXPECT_EQ(manager_->source()->ObeyBy(name, attempt_), options_.steady_clock() + options_.obey_limit);
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(manager_->source()->ObeyBy(name, attempt_), absl::InfinitePast());

@@ -497,6 +497,30 @@ TEST_P(JobQueueStoreTest, ChangesAreToldToEveryProcess) {
   other_.reset();
 }
 
+TEST_P(JobQueueStoreTest, CountsWhatEndedJobsTake) {
+  const auto bytes = [this] { return (*store_->Totals()).tenants.at("ann").record_bytes; };
+  Add("1");
+  EXPECT_EQ(bytes(), 0);
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->Report(context_, lease, std::vector<v1::Progress>(100)).ok());
+  AttemptOutcome outcome = Success();
+  ASSERT_TRUE(store_->Finish(context_, lease, outcome).ok());
+  const std::int64_t first = bytes();
+  EXPECT_GT(first, 1000);
+  EXPECT_LT(first, 5000);
+  Add("2");
+  outcome.report.add_warnings()->set_message(std::string(100'000, 'x'));
+  ASSERT_TRUE(store_->Finish(context_, Claim(), outcome).ok());
+  EXPECT_GT(bytes(), first + 100'000);
+  EXPECT_LT(bytes(), first + 105'000);
+  ASSERT_TRUE(store_->Expire(context_, "jobs/2").ok());
+  EXPECT_GT(bytes(), first + 100'000) << "the report stays";
+  ASSERT_TRUE(store_->Delete("jobs/2").ok());
+  EXPECT_EQ(bytes(), first);
+  EXPECT_THAT(*store_->DeleteOldest("ann", 10), SizeIs(1));
+  EXPECT_EQ(bytes(), 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Memory, JobQueueStoreTest, ::testing::Values(Engine::kSqliteInMemory),
                          [](const auto&) { return std::string("Sqlite"); });
 INSTANTIATE_TEST_SUITE_P(File, JobQueueStoreTest, ::testing::Values(Engine::kSqlite),

@@ -254,8 +254,10 @@ TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
   Add("first", "same");
   const Lease lease = Claim();
   ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
-  constexpr int kKept = 4000, kAtOnce = 200;
-  for (int i = 0; i < kKept; i += kAtOnce) {
+  // In PostgreSQL each of these takes some journeys.
+  constexpr int kAtOnce = 50;
+  const int kept = GetParam() == Engine::kPostgres ? 200 : 4000;
+  for (int i = 0; i < kept; i += kAtOnce) {
     std::vector<NewJob> jobs;
     for (int k = 0; k < kAtOnce; ++k) {
       jobs.push_back(Job(std::to_string(i + k), "same"));
@@ -263,7 +265,7 @@ TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
     }
     store_->AcceptAll(context_, jobs);
   }
-  ASSERT_EQ((*store_->Totals()).tenants.at("ann").ended, kKept + 1);
+  ASSERT_EQ((*store_->Totals()).tenants.at("ann").ended, kept + 1);
   // The cheapest of some: the machine may be busy.
   const auto cost = [&](const std::string& kind, const std::string& key) {
     absl::Duration least = absl::InfiniteDuration();
@@ -279,30 +281,6 @@ TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
   };
   const absl::Duration other = cost("other", ""), same = cost("same", "same");
   EXPECT_LT(same, 4 * other);
-}
-
-TEST_P(JobStoreTest, CountsWhatEndedJobsTake) {
-  const auto bytes = [this] { return (*store_->Totals()).tenants.at("ann").record_bytes; };
-  Add("1");
-  EXPECT_EQ(bytes(), 0);
-  const Lease lease = Claim();
-  ASSERT_TRUE(store_->Report(context_, lease, std::vector<v1::Progress>(100)).ok());
-  AttemptOutcome outcome = Success();
-  ASSERT_TRUE(store_->Finish(context_, lease, outcome).ok());
-  const std::int64_t first = bytes();
-  EXPECT_GT(first, 1000);
-  EXPECT_LT(first, 5000);
-  Add("2");
-  outcome.report.add_warnings()->set_message(std::string(100'000, 'x'));
-  ASSERT_TRUE(store_->Finish(context_, Claim(), outcome).ok());
-  EXPECT_GT(bytes(), first + 100'000);
-  EXPECT_LT(bytes(), first + 105'000);
-  ASSERT_TRUE(store_->Expire(context_, "jobs/2").ok());
-  EXPECT_GT(bytes(), first + 100'000) << "the report stays";
-  ASSERT_TRUE(store_->Delete("jobs/2").ok());
-  EXPECT_EQ(bytes(), first);
-  EXPECT_THAT(*store_->DeleteOldest("ann", 10), SizeIs(1));
-  EXPECT_EQ(bytes(), 0);
 }
 
 TEST_P(JobStoreTest, TimesAreInOrderThoughTheClockIsSetBack) {
