@@ -66,7 +66,7 @@ void DiskRoom::Tick() {
   if (missing <= 0 || DiskOf(directory_).available < headroom_ + missing) return;
   const Descriptor file(open(reserve_path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   if (file.get() < 0) return;
-  // What was made of it is as good as less of it.
+  // A part of the reserve is better than none, so an error does not matter.
   static_cast<void>(posix_fallocate(file.get(), 0, whole_reserve_));
 }
 

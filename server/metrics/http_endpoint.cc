@@ -194,7 +194,7 @@ class HttpEndpoint::Server : public httplib::Server {
     }
   }
 
-  // Reads or writes what goes without waiting.
+  // Reads or writes as much as can be done without waiting.
   void Move(Connections::iterator found) {
     Connection& connection = found->second;
     if (connection.phase == Phase::kReading && !Read(&connection)) return Close(found);
