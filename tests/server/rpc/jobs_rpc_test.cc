@@ -90,8 +90,9 @@ TEST(JobsRpc, BadRequestsNameTheField) {
 
   request.mutable_spec()->set_draco(std::string(18 << 20, 'x'));
   status = TryCreate(server, request);
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << "gRPC's own answer";
-  EXPECT_THAT(status.error_message(), HasSubstr("larger than max"));
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(InfoOf(status).reason(), "MESH_TOO_LARGE") << "of the message";
+  EXPECT_THAT(status.error_message(), HasSubstr("CreateJob takes at most"));
 }
 
 TEST(JobsRpc, FullQueueAsksForARetry) {
