@@ -1,5 +1,6 @@
 #include "server/rpc/call.h"
 
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,8 +18,8 @@ namespace {
 // What a call takes of gRPC's quota beside its messages: its arena, its headers, what its stream may send unread.
 constexpr std::int64_t kCallBytes = std::int64_t{128} << 10;
 
-// How much memory a message may take for each of its bytes, and beside that: enough for numbers, and for a full batch of
-// jobs with full sets of labels.
+// How much memory a message may take for each of its bytes, and beside that: enough for numbers, and for a full batch
+// of jobs with full sets of labels.
 constexpr std::int64_t kMostGrowth = 3;
 constexpr std::int64_t kMostFieldBytes = std::int64_t{16} << 20;
 
@@ -34,14 +35,16 @@ grpc::ByteBuffer ToBytes(const google::protobuf::Message& message) {
   return grpc::ByteBuffer(&slice, 1);
 }
 
+// Of `bytes` bytes; 0: it is not known how many more would have come.
 absl::Status TooLong(const Method& method, std::int64_t bytes, std::int64_t limit) {
   const std::string message =
-      absl::StrCat("the message has ", bytes, " bytes; ", std::string(method.name), " takes at most ", limit);
+      absl::StrCat("the message is too long: ", std::string(method.name), " takes at most ", limit, " bytes");
+  std::map<std::string, std::string> metadata = {{"limit", absl::StrCat(limit)}};
+  if (bytes > 0) metadata["bytes"] = absl::StrCat(bytes);
   if (method.size == MessageSize::kJob) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE", message,
-                     {{"bytes", absl::StrCat(bytes)}, {"limit", absl::StrCat(limit)}});
+    return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE", message, std::move(metadata));
   }
-  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message);
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, std::move(metadata));
 }
 
 }  // namespace
@@ -81,12 +84,16 @@ std::string ReceivedMessage::TakeBytes() {
   return bytes;
 }
 
-Call::Call(CallInfo info) : info_(std::move(info)) {
-  // Anybody can make calls that take no credentials, so these get no room of their own.
-  if (info_.method->need != Need::kNobody) room_ = info_.surroundings->memory->Expect(kCallBytes);
+// Anybody can make calls that take no credentials, so these get no room of their own.
+Call::Call(CallInfo info) : info_(std::move(info)), peer_(info_.context->peer()) {
+  if (is_anonymous()) return;
+  room_ = info_.surroundings->memory->Expect(kCallBytes);
+  info_.surroundings->watch->AddCall(peer_);
 }
 
-Call::~Call() = default;
+Call::~Call() {
+  if (!is_anonymous()) info_.surroundings->watch->RemoveCall(peer_);
+}
 
 Call* Call::Begin(std::shared_ptr<Call> call) {
   Call* const reactor = call.get();
@@ -97,13 +104,27 @@ Call* Call::Begin(std::shared_ptr<Call> call) {
 }
 
 void Call::Read() {
-  if (info_.method->need != Need::kNobody) {
-    expected_ = info_.surroundings->memory->Expect(info_.surroundings->limits.MaxBytes(*info_.method));
-  }
+  const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);
+  if (!is_anonymous()) expected_ = info_.surroundings->memory->Expect(limit);
+  reading_ = true;
+  info_.surroundings->watch->Begin(this, peer_, limit, [weak = weak_from_this()] {
+    if (const auto alive = weak.lock()) alive->StopReading();
+  });
   StartRead(&incoming_);
 }
 
+void Call::StopReading() {
+  if (!reading_.exchange(false)) return;
+  const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);
+  OnRefused(TooLong(*info_.method, 0, limit));
+}
+
 void Call::OnReadDone(bool ok) {
+  info_.surroundings->watch->End(this, peer_, ok ? static_cast<std::int64_t>(incoming_.Length()) : 0);
+  if (!reading_.exchange(false)) {
+    incoming_.Clear();
+    return;
+  }
   if (!ok) {
     expected_ = MessageMemory::Share();
     return OnNoMessage();
@@ -176,7 +197,7 @@ void Call::EndBare(const grpc::Status& status) {
 bool Call::MayEnd(const absl::Status& status) {
   if (ended_.exchange(true)) return false;
   // Health checks and reflection are not this server's work.
-  if (info_.method->need != Need::kNobody) {
+  if (!is_anonymous()) {
     TellCallEnd(*info_.surroundings, info_.method, status, absl::Now() - start_);
   }
   return true;

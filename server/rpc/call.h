@@ -19,6 +19,7 @@
 #include "server/access/caller.h"
 #include "server/rpc/message_memory.h"
 #include "server/rpc/methods.h"
+#include "server/rpc/read_watch.h"
 
 namespace planish {
 
@@ -57,6 +58,7 @@ using ReceivedMessagePtr = std::shared_ptr<ReceivedMessage>;
 // What calls share. All of it outlives them.
 struct CallSurroundings {
   MessageMemory* memory;
+  ReadWatch* watch;
   MethodLimits limits;
   CallListener on_end;  // null: nobody listens
 };
@@ -115,13 +117,18 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
 
  private:
   absl::StatusOr<ReceivedMessagePtr> Check();
+  // Of a read that is under way, from any thread.
+  void StopReading();
+  bool is_anonymous() const { return info_.method->need == Need::kNobody; }
   // False if the call was ended before.
   bool MayEnd(const absl::Status& status);
 
   const CallInfo info_;
   const absl::Time start_ = absl::Now();
+  const std::string peer_;
   std::atomic<bool> ended_ = false;
-  bool has_message_ = false;  // has had any; touched between reads
+  std::atomic<bool> reading_ = false;  // a message is waited for, and nobody has decided what comes of that
+  bool has_message_ = false;           // has had any; touched between reads
   grpc::ByteBuffer incoming_;
   MessageMemory::Share expected_;
   grpc::ByteBuffer outgoing_;

@@ -11,8 +11,9 @@
 namespace planish {
 namespace {
 
-// What gRPC's quota is while nobody is admitted: room for some hundred connections and for what they begin to send.
-constexpr std::int64_t kQuotaBase = std::int64_t{24} << 20;
+// What gRPC's quota is while nobody is admitted: room for thousands of connections. gRPC ends calls at random, admitted
+// ones too, where it is not enough, so it must be more than ReadWatch lets strangers take.
+constexpr std::int64_t kQuotaBase = std::int64_t{256} << 20;
 
 constexpr absl::Duration kMemoryRetryDelay = absl::Seconds(1);
 

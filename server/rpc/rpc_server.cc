@@ -39,6 +39,9 @@ void Configure(grpc::ServerBuilder* builder) {
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
   builder->AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
+  // What a stream may send unread. gRPC would begin with 64 KiB and go up to 4 MiB by itself.
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, static_cast<int>(ReadWatch::kLookaheadBytes));
   // Two servers on one port would share its connections at random.
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   // A caller whose machine vanished is noticed within kKeepaliveMs + kKeepaliveTimeoutMs, and its job cancelled.
@@ -64,7 +67,7 @@ absl::Status CannotListen(const ListenAddress& address, const std::string& why) 
 
 RpcServer::RpcServer(const RpcServerOptions& options)
     : memory_(options.quota_bytes),
-      surroundings_{&memory_, LimitsOf(options), options.on_call},
+      surroundings_{&memory_, &watch_, LimitsOf(options), options.on_call},
       entrance_(options.callers, &surroundings_) {}
 
 void RpcServer::Register(const std::vector<RpcService*>& services, grpc::ServerBuilder* builder) {

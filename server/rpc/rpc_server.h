@@ -20,6 +20,7 @@
 #include "server/rpc/listen_address.h"
 #include "server/rpc/message_memory.h"
 #include "server/rpc/peer_users.h"
+#include "server/rpc/read_watch.h"
 #include "server/rpc/reflection.h"
 #include "server/rpc/tls_identity.h"
 #include "server/rpc/unix_acceptor.h"
@@ -76,6 +77,7 @@ class RpcServer {
   // Constant after Start(). All that calls use is above server_, which ends them.
   std::vector<std::string> addresses_;
   MessageMemory memory_;
+  ReadWatch watch_;
   const CallSurroundings surroundings_;
   HealthService health_;
   std::unique_ptr<ReflectionService> reflection_;

@@ -117,7 +117,7 @@ TEST(Messages, TooLongOnesAreRefusedUnparsed) {
     const grpc::Status status =
         CallWith(server, kService + method->name(), "\x0a\x80\x80\x08" + std::string(1 << 17, 'x'));
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << method->name();
-    EXPECT_THAT(status.error_message(), HasSubstr("takes at most 65536")) << method->name();
+    EXPECT_THAT(status.error_message(), HasSubstr("takes at most 65536 bytes")) << method->name();
   }
 }
 
