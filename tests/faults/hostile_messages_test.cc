@@ -162,12 +162,14 @@ TEST_F(HostileMessages, FromManyStrangersAtATime) {
       calls.push_back(std::async(std::launch::async, [&] { return Call(path, request, {}); }));
     }
     for (auto& call : calls) EXPECT_FALSE(call.get().ok());
-    if (!kSanitized) EXPECT_LE(Peak(), kMostRefused) << path;
+    if (!kSanitized) {
+      EXPECT_LE(Peak(), kMostRefused) << path;
+    }
   }
 }
 
 TEST_F(HostileMessages, WithCredentials) {
-  for (const std::string piece : {kEmptyEntry, std::string("\x78\x01"), std::string("\x0a\x01x")}) {
+  for (const std::string& piece : {kEmptyEntry, std::string("\x78\x01"), std::string("\x0a\x01x")}) {
     ExpectRefused(AllPaths(), Repeat(piece, 40 * kMiB), WithToken(), absl::BytesToHexString(piece));
   }
 }
@@ -180,7 +182,9 @@ TEST_F(HostileMessages, ThatAreAccepted) {
   Forget();
   const CallEnd end = Call("/planish.v1.Planish/CreateJob", grpc::Slice(bytes), WithToken());
   EXPECT_TRUE(end.ok()) << end.message;
-  if (!kSanitized) EXPECT_LE(Peak(), 6 * static_cast<std::int64_t>(bytes.size()) + 64 * kMiB);
+  if (!kSanitized) {
+    EXPECT_LE(Peak(), 6 * static_cast<std::int64_t>(bytes.size()) + 64 * kMiB);
+  }
 }
 
 // gRPC would end calls at random where its memory is not enough.

@@ -116,7 +116,7 @@ TEST(JobsRpc, UnknownNames) {
   RpcTestServer server(Succeed(1, "uv"));
   v1::Job job;
   google::protobuf::Empty empty;
-  for (const std::string& name : {std::string("jobs/none"), std::string(), std::string(1 << 20, 'x')}) {
+  for (const std::string& name : {std::string("jobs/none"), std::string(), std::string(1 << 15, 'x')}) {
     v1::GetJobRequest get;
     get.set_name(name);
     v1::CancelJobRequest cancel;
