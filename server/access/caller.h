@@ -23,7 +23,7 @@ struct Rights {
 // What a call is about, as far as rights go.
 enum class Need {
   kNobody,   // no credentials at all
-  kNothing,  // credentials, whatever rights they have
+  kNothing,  // credentials, with any rights or none
   kSubmit,
   kFollow,  // follow and end what one's own Unwrap began: "submit" or "jobs"
   kJobs,

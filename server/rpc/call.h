@@ -37,7 +37,7 @@ struct EndedCall {
 // quick and thread-safe.
 using CallListener = std::function<void(const EndedCall&)>;
 
-// A message that was received, with what it takes of the memory for messages.
+// A message that was received, and its shares of the memory for messages.
 class ReceivedMessage {
  public:
   ReceivedMessage(grpc::ByteBuffer bytes, MessageMemory::Share incoming, MessageMemory::Share parsed)
@@ -45,7 +45,7 @@ class ReceivedMessage {
 
   // Once; then the bytes are gone. INVALID_ARGUMENT as NoSuchMessage(). `message` must not outlive this object.
   absl::Status Parse(google::protobuf::Message* message);
-  // Of messages without a descriptor.
+  // The message as it came, once; for messages without a descriptor.
   std::string TakeBytes();
 
  private:
@@ -98,9 +98,10 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
   void Read();
   // It has come, and is short enough. On one of gRPC's threads: must be quick.
   virtual void OnMessage(ReceivedMessagePtr message) = 0;
-  // There is no other message: the caller has ended its side or is gone. By default an error if it sent none.
+  // There is no other message: the caller has ended its side or is gone. By default the
+  // call ends with an error if it sent none.
   virtual void OnNoMessage();
-  // A message has come that is refused. By default the call ends with `status`.
+  // A message is refused. By default the call ends with `status`.
   virtual void OnRefused(const absl::Status& status) { End(status); }
   // The call is over; `this` may go.
   virtual void OnEnd() {}
@@ -117,7 +118,7 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
 
  private:
   absl::StatusOr<ReceivedMessagePtr> Check();
-  // Of a read that is under way, from any thread.
+  // Ends the read that is under way, on any thread.
   void StopReading();
   bool is_anonymous() const { return info_.method->need == Need::kNobody; }
   // False if the call was ended before.
@@ -127,7 +128,7 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
   const absl::Time start_ = absl::Now();
   const std::string peer_;
   std::atomic<bool> ended_ = false;
-  std::atomic<bool> reading_ = false;  // a message is waited for, and nobody has decided what comes of that
+  std::atomic<bool> reading_ = false;  // set by Read(), cleared by the first that ends the read
   bool has_message_ = false;           // has had any; touched between reads
   grpc::ByteBuffer incoming_;
   MessageMemory::Share expected_;

@@ -14,7 +14,7 @@ namespace {
 
 using grpc::ByteBuffer;
 
-// Of which calls are counted: health checks and reflection are not this server's work.
+// Calls of these packages are counted. Health checks and reflection are not this server's work.
 constexpr char kOwnPackages[] = "/planish.";
 
 class RefusedCall : public grpc::ServerGenericBidiReactor {

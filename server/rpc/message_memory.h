@@ -12,7 +12,7 @@
 namespace planish {
 
 // A message on its way in is gRPC's, whose quota is one for the process and as large as the messages that admitted
-// callers may be sending now: whoever is not admitted finds it small. A parsed message is charged to its tenant.
+// callers may be sending now: others find it small. A parsed message is charged to its tenant.
 // Thread-safe.
 class MessageMemory {
  public:

@@ -29,7 +29,7 @@ struct Method {
 
   // "/planish.v1.Planish/CreateJob"
   std::string path() const;
-  // Of the message that it takes; null for a service without descriptor.
+  // The type of the message that it takes; null for a service without descriptor.
   const google::protobuf::Descriptor* request() const;
 };
 

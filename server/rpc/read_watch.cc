@@ -28,7 +28,7 @@ std::int64_t OnTheWire(std::int64_t limit) {
   return limit + limit / 8 + kHeaders;
 }
 
-// As grpc::ServerContext::peer() has it; empty for what is no TCP connection.
+// The peer of a TCP connection, in the form of grpc::ServerContext::peer(); empty for other descriptors.
 std::string PeerOf(int descriptor) {
   sockaddr_storage address = {};
   socklen_t size = sizeof(address);
@@ -49,7 +49,7 @@ std::string PeerOf(int descriptor) {
   return absl::StrCat("ipv6:%5B", text, "%5D:", ntohs(v6.sin6_port));
 }
 
-// The descriptor of the TCP connection to `peer`; -1: there is none.
+// The descriptor of the TCP connection to `peer`, or -1.
 int FindDescriptor(const std::string& peer) {
   if (!absl::StartsWith(peer, "ipv")) return -1;
   const std::unique_ptr<DIR, int (*)(DIR*)> folder(opendir("/proc/self/fd"), closedir);
@@ -117,7 +117,7 @@ void ReadWatch::End(const void* read, const std::string& peer, std::int64_t byte
   connection.allowed -= OnTheWire(ended.limit) - OnTheWire(bytes);
   --reads_;
   if (!connection.reads.empty()) return;
-  // The count starts anew with the next read.
+  // The next read starts a new count.
   connection = {connection.calls, {}, 0, std::nullopt, 0};
   if (connection.calls == 0) connections_.erase(found);
 }

@@ -13,7 +13,7 @@ namespace planish {
 // Tells of the messages and services that this program was linked with.
 class ReflectionService : public RpcService {
  public:
-  // `services` are those that it lists, itself included.
+  // `services` are the names that it lists, its own included.
   explicit ReflectionService(std::vector<std::string> services);
 
   const std::vector<Endpoint>& endpoints() const override { return endpoints_; }

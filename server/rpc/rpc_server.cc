@@ -31,8 +31,7 @@ constexpr int kHandshakeTimeoutMs = 20'000;
 constexpr int kMaxStreams = 4096;
 
 void Configure(grpc::ServerBuilder* builder) {
-  // Call::Check() refuses what is too long. gRPC could do no more: it too looks at the length of a message when all of
-  // it is there.
+  // Call and ReadWatch limit the length of messages. gRPC's own limit is checked when all of a message is there.
   builder->SetMaxReceiveMessageSize(-1);
   // Calls with compressed messages end with UNIMPLEMENTED. A few bytes would become as many as one wants, before
   // anybody can look at them.

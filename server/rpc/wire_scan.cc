@@ -157,7 +157,7 @@ class Scanner {
     });
     if (!read) return Malformed();
     if (!has_nul) return absl::OkStatus();
-    // Of a map the map is named.
+    // In a map, the error names the map.
     const bool is_entry = field.containing_type()->options().map_entry();
     const std::string& where = is_entry ? path : name;
     return WireInvalid(where + " has a NUL byte", {{"field", where}});
@@ -193,7 +193,7 @@ class Scanner {
     return true;
   }
 
-  // Of an empty message, with the pointer to it.
+  // The bytes of an empty message, with the pointer to it.
   std::int64_t SizeOf(const google::protobuf::Descriptor& type) {
     const auto [found, is_new] = sizes_.try_emplace(&type, 0);
     if (is_new) {

@@ -60,7 +60,7 @@ class HostileMessages : public ::testing::Test {
                     "\n        rights: [submit, jobs, admin]\n");
     daemon_ = std::make_unique<Daemon>(
         std::vector<std::string>{"--listen=127.0.0.1:0", "--access-file=" + dir_.Path("access.yaml"), "--workers=1",
-                                 "--memory-mb=4096"},
+                                 "--memory-mb=8192"},
         /*supervised=*/true);
     if (!daemon_->WaitReady()) throw std::runtime_error(daemon_->Output());
     const std::string log = daemon_->ReadUntil("listens on 127.0.0.1:");
@@ -176,8 +176,8 @@ TEST_F(HostileMessages, WithCredentials) {
 
 TEST_F(HostileMessages, ThatAreAccepted) {
   v1::CreateJobRequest request;
-  request.mutable_spec()->mutable_arrays()->set_positions(std::string(36 * kMiB, '\0'));
-  request.mutable_spec()->mutable_arrays()->set_triangles(std::string(36 * kMiB, '\0'));
+  request.mutable_spec()->mutable_arrays()->set_positions(std::string(12 * 1'700'000, '\0'));
+  request.mutable_spec()->mutable_arrays()->set_triangles(std::string(12 * 1'700'000, '\0'));
   const std::string bytes = request.SerializeAsString();
   Forget();
   const CallEnd end = Call("/planish.v1.Planish/CreateJob", grpc::Slice(bytes), WithToken());
