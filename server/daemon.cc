@@ -92,9 +92,10 @@ void SetUpLogging(const ServerFlags& flags) {
 JobLimits Limits(const ServerFlags& flags) {
   JobLimits limits;
   limits.queue_capacity = flags.queue;
-  limits.retained_jobs = flags.retain_jobs;
   limits.retained_bytes = flags.retain_mb * kMiB;
   limits.retained_time = absl::Hours(flags.retain_hours);
+  limits.retained_record_bytes = flags.retain_records_mb * kMiB;
+  limits.retained_record_time = absl::Hours(flags.retain_records_hours);
   limits.reattach_grace = absl::Seconds(flags.reattach_seconds);
   return limits;
 }
@@ -245,6 +246,14 @@ void LogReadiness(const std::string& why_not) {
   }
 }
 
+void LogClockSkew(absl::Duration ahead) {
+  if (ahead == absl::ZeroDuration()) return LogInfo("this machine's clock agrees with the database's again");
+  LogWarn(absl::StrCat("this machine's clock is ", absl::FormatDuration(absl::AbsDuration(ahead)),
+                       ahead > absl::ZeroDuration() ? " ahead of" : " behind",
+                       " the database's: set it by NTP. Jobs go by the database's clock, but certificates, credentials "
+                       "that expire, and the times in this log go by this one"));
+}
+
 WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
                       const StreamCounter* streams, RpcServer* rpc) {
   WatchedServer server;
@@ -304,7 +313,7 @@ void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, 
     });
   };
   add({"log-level", "log-format"}, [](const ServerFlags& flags) { SetUpLog(flags.log_format, flags.log_level); });
-  add({"queue", "retain-jobs", "retain-mb", "retain-hours", "reattach-grace"},
+  add({"queue", "retain-mb", "retain-hours", "retain-records-mb", "retain-records-hours", "reattach-grace"},
       [manager](const ServerFlags& flags) { manager->SetLimits(Limits(flags)); });
   add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
   add({"recycle-after"}, [pool](const ServerFlags& flags) {
@@ -350,7 +359,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
   options.is_blob_used = [&stores = *stores](const BlobId& id) { return stores.IsBlobUsed(id); };
   std::optional<Farm> farm;
   if (stores->farm.registry != nullptr) {
-    farm.emplace(stores->farm.registry.get(), Self(flags));
+    farm.emplace(stores->farm.registry.get(), Self(flags), LogClockSkew);
     if (const absl::Status status = farm->Tick(); !status.ok()) return Refuse(flags, status);
     options.capacity = [&farm] { return farm->Capacity(); };
   }
@@ -414,7 +423,9 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
       if (const absl::Status status = farm->Tick(); !status.ok()) LogError(status.message());
     });
   }
-  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc.get()));
+  WatchedServer watched = Watched(flags, *stores, &manager, &streams, rpc.get());
+  if (farm.has_value()) watched.clock_skew = [&farm] { return farm->ClockSkew(); };
+  monitoring.Attach(watched);
 
   double grace_seconds = flags.grace_seconds;
   AddReloadHooks(door->get(), &manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);

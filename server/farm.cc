@@ -27,10 +27,30 @@ absl::Status Farm::Tick() {
   // Long enough for a database that restarts.
   PLANISH_RETURN_IF_ERROR(registry_.Announce(self_, 6 * kInterval));
   PLANISH_ASSIGN_OR_RETURN(std::vector<ServerEntry> servers, registry_.List());
+  PLANISH_RETURN_IF_ERROR(CompareClocks());
   const std::lock_guard lock(mutex_);
   capacity_ = CapacityOf(servers);
   servers_ = std::move(servers);
   return absl::OkStatus();
+}
+
+absl::Status Farm::CompareClocks() {
+  PLANISH_ASSIGN_OR_RETURN(const ClockOffset offset, registry_.Compare(clock_));
+  if (offset.error > kSkewLimit / 2) return absl::OkStatus();  // says nothing
+  bool was_wrong = false;
+  {
+    const std::lock_guard lock(mutex_);
+    was_wrong = absl::AbsDuration(skew_) > kSkewLimit;
+    skew_ = offset.ahead;
+  }
+  const bool is_wrong = absl::AbsDuration(offset.ahead) > kSkewLimit;
+  if (on_skew_ != nullptr && is_wrong != was_wrong) on_skew_(is_wrong ? offset.ahead : absl::ZeroDuration());
+  return absl::OkStatus();
+}
+
+absl::Duration Farm::ClockSkew() const {
+  const std::lock_guard lock(mutex_);
+  return skew_;
 }
 
 absl::Status Farm::Leave() {

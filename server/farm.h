@@ -1,11 +1,14 @@
 // What all servers that share a store have together.
 #pragma once
 
+#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "server/jobs/job_options.h"
 #include "server/store/server_registry.h"
 
@@ -14,8 +17,11 @@ namespace planish {
 // This server among the others. Thread-safe.
 class Farm {
  public:
-  // `registry` outlives the object.
-  Farm(ServerRegistry* registry, ServerEntry self) : registry_(*registry), self_(std::move(self)) {}
+  // `registry` outlives the object. `on_skew`, unless null, hears, within Tick(), of a clock of this machine that is
+  // wrong by more than kSkewLimit, and of one that is right again (zero). `clock`: this machine's.
+  Farm(ServerRegistry* registry, ServerEntry self, std::function<void(absl::Duration ahead)> on_skew = nullptr,
+       std::function<absl::Time()> clock = absl::Now)
+      : registry_(*registry), self_(std::move(self)), on_skew_(std::move(on_skew)), clock_(std::move(clock)) {}
 
   // Announces this server and asks for the others. Call it every kInterval; it waits for the database.
   absl::Status Tick();
@@ -27,16 +33,26 @@ class Farm {
   std::vector<ServerEntry> Servers() const;
   JobCapacity Capacity() const;
 
+  // How far this machine's clock was ahead of the database's at the last Tick(). Nothing goes by it but certificates,
+  // credentials that expire, and the times in logs.
+  absl::Duration ClockSkew() const;
+
   static constexpr absl::Duration kInterval = absl::Seconds(5);
+  static constexpr absl::Duration kSkewLimit = absl::Seconds(2);
 
  private:
+  absl::Status CompareClocks();
+
   ServerRegistry& registry_;
   const ServerEntry self_;
+  const std::function<void(absl::Duration ahead)> on_skew_;
+  const std::function<absl::Time()> clock_;
 
   mutable std::mutex mutex_;
   // Guarded by mutex_.
   std::vector<ServerEntry> servers_;
   JobCapacity capacity_ = {0, 0, JobCapacity().memory_bytes, 0};
+  absl::Duration skew_;
 };
 
 }  // namespace planish

@@ -28,14 +28,20 @@ void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
-  app->add_option("--retain-jobs", flags->retain_jobs, "Ended jobs of a tenant that are kept for later calls")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1'000'000));
   app->add_option("--retain-mb", flags->retain_mb,
                   "UV of ended jobs of a tenant that are kept, MiB (the last one always is)")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000'000));
   app->add_option("--retain-hours", flags->retain_hours, "Hours that UV of ended jobs are kept")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-6, 1e6));
+  app->add_option("--retain-records-mb", flags->retain_records_mb,
+                  "Ended jobs of a tenant that are kept, MiB of their records, reports and events (the last one always "
+                  "is); some 10,000 jobs in 100 MiB")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100'000'000));
+  app->add_option("--retain-records-hours", flags->retain_records_hours,
+                  "Hours that ended jobs are kept; a job that goes takes its UV with it")
       ->capture_default_str()
       ->check(CLI::Range(1e-6, 1e6));
   app->add_option("--uploads-mb", flags->max_uploads_mb, "Uploads under way, MiB as announced")

@@ -27,11 +27,12 @@ struct ServerFlags {
   std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
 
   StoreFlags store;
-  std::int64_t store_mb = 4096;        // MiB of meshes and UV, kept or waiting, >= 1
-  int retain_jobs = 256;               // >= 1
-  std::int64_t retain_mb = 1024;       // MiB, >= 0
-  double retain_hours = 24;            // > 0
-  std::int64_t max_uploads_mb = 4096;  // MiB under way, >= 1
+  std::int64_t store_mb = 4096;          // MiB of meshes and UV, kept or waiting, >= 1
+  std::int64_t retain_mb = 1024;         // MiB, >= 0
+  double retain_hours = 24;              // > 0
+  std::int64_t retain_records_mb = 256;  // MiB, >= 1
+  double retain_records_hours = 168;     // > 0
+  std::int64_t max_uploads_mb = 4096;    // MiB under way, >= 1
 
   int workers = 1;       // >= 1, of a front 0
   int threads = 1;       // of a job, in [1, 256]

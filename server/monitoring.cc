@@ -162,6 +162,7 @@ HttpAnswer Monitoring::Metrics() const {
     gauges.uploads_limit_bytes = server_->uploads_limit_bytes;
     gauges.uv_sent_bytes = server_->streams->uv_bytes();
     gauges.streams = server_->streams->count();
+    if (server_->clock_skew != nullptr) gauges.clock_skew = server_->clock_skew();
     if (!server_->certificate_file.empty()) gauges.certificate_end = CertificateFileEnd(server_->certificate_file);
   }
   gauges.ready = readiness_.WhyNot().empty();

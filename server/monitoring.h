@@ -41,6 +41,8 @@ struct WatchedServer {
   std::int64_t store_limit_bytes = 0;
   std::int64_t uploads_limit_bytes = 0;
   std::string certificate_file;  // PEM, of TLS; "": there is none
+  // How far this machine's clock is ahead of the store's; null: it is the store's. Quick.
+  std::function<absl::Duration()> clock_skew;
 };
 
 // Serves over HTTP, where asked to:

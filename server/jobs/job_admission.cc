@@ -132,69 +132,110 @@ absl::Status JobAdmission::CheckRoom(const std::string& tenant, std::int64_t mes
 
 absl::StatusOr<AcceptedJob> JobAdmission::Create(const Caller& caller, JobRequest request,
                                                  const absl::Status& refusal) {
-  absl::StatusOr<AcceptedJob> accepted = Accept(caller, std::move(request), refusal);
-  if (accepted.ok()) return accepted;
-  const std::lock_guard lock(mutex_);
-  ++calls_[caller.tenant].refused;
-  ++refused_by_reason_[ErrorInfoOf(accepted.status()).reason];
-  return accepted;
+  absl::StatusOr<Prepared> prepared = Prepare(caller, std::move(request), refusal);
+  if (!prepared.ok()) return Noted(caller, prepared.status());
+  if (prepared->known.has_value()) return *std::move(prepared->known);
+  return Noted(caller, AnswerPrepared(caller, &*prepared, context_.store.Accept(context_.Verb(), prepared->job)));
 }
 
-absl::StatusOr<AcceptedJob> JobAdmission::Accept(const Caller& caller, JobRequest request,
-                                                 const absl::Status& refusal) {
+std::vector<absl::StatusOr<AcceptedJob>> JobAdmission::CreateAll(const Caller& caller, std::vector<JobRequest> requests,
+                                                                 const absl::Status& refusal) {
+  std::vector<absl::StatusOr<Prepared>> all;
+  std::vector<NewJob> jobs;
+  for (JobRequest& request : requests) {
+    all.push_back(Prepare(caller, std::move(request), refusal));
+    if (all.back().ok() && !all.back()->known.has_value()) jobs.push_back(all.back()->job);
+  }
+  std::vector<absl::StatusOr<AcceptedChange>> changes;
+  if (!jobs.empty()) changes = context_.store.AcceptAll(context_.Verb(), std::move(jobs));
+  std::vector<absl::StatusOr<AcceptedJob>> answers;
+  std::size_t next = 0;
+  for (absl::StatusOr<Prepared>& prepared : all) {
+    if (prepared.ok() && prepared->known.has_value()) {
+      answers.emplace_back(*std::move(prepared->known));
+    } else {
+      answers.push_back(Noted(
+          caller, prepared.ok() ? AnswerPrepared(caller, &*prepared, std::move(changes[next++])) : prepared.status()));
+    }
+  }
+  return answers;
+}
+
+absl::StatusOr<AcceptedJob> JobAdmission::Noted(const Caller& caller, absl::StatusOr<AcceptedJob> answer) {
+  if (answer.ok()) return answer;
+  const std::lock_guard lock(mutex_);
+  ++calls_[caller.tenant].refused;
+  ++refused_by_reason_[ErrorInfoOf(answer.status()).reason];
+  return answer;
+}
+
+absl::StatusOr<JobAdmission::Prepared> JobAdmission::Prepare(const Caller& caller, JobRequest asked,
+                                                             const absl::Status& refusal) {
   const JobManagerOptions& options = context_.options;
-  PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options.max_mesh_bytes, options.validate_options));
-  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(request.Mesh(), request.array_vertices, request.MeshBytes(),
-                                                         v1::MeshSize(), request.OptionsForNeeds()));
+  PLANISH_RETURN_IF_ERROR(ValidateJobRequest(asked, options.max_mesh_bytes, options.validate_options));
+  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(asked.Mesh(), asked.array_vertices, asked.MeshBytes(),
+                                                         v1::MeshSize(), asked.OptionsForNeeds()));
+  Prepared prepared;
+  prepared.request = std::move(asked);
+  JobRequest& request = prepared.request;
   if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
   const std::string numbers = PackNumbers(request);
   const std::string numbers_sha256 = numbers.empty() ? std::string() : Sha256(numbers);
-  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, numbers_sha256);
-  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
-  if (known.has_value()) return *std::move(known);
+  prepared.work_key = WorkKey(caller.tenant, request, request.mesh_sha256, numbers_sha256);
+  PLANISH_ASSIGN_OR_RETURN(prepared.known, FindKnown(caller, request, prepared.work_key));
+  if (prepared.known.has_value()) return prepared;
   PLANISH_RETURN_IF_ERROR(refusal);
   std::optional<KeptResult> result;
-  if (!request.scheduling.fresh()) result = FindResult(work_key);
+  if (!request.scheduling.fresh()) result = FindResult(prepared.work_key);
   // Before the mesh is kept; Accept() decides.
   if (absl::Status room = CheckRoom(caller.tenant, request.MeshBytes()); !room.ok() && !result.has_value()) {
     if (request.scheduling.fresh()) return room;
-    PLANISH_ASSIGN_OR_RETURN(const bool shares, context_.store.IsUnderWay(caller.tenant, work_key));
+    PLANISH_ASSIGN_OR_RETURN(const bool shares, context_.store.IsUnderWay(caller.tenant, prepared.work_key));
     if (!shares) return room;
   }
-  // Held until the record refers to them.
-  BlobHold mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256}), numbers_hold;
+  prepared.mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256});
   absl::StatusOr<StoredBlobPtr> mesh = retention_.Put(caller.tenant, request.Mesh(), request.mesh_sha256);
   absl::StatusOr<StoredBlobPtr> kept_numbers = StoredBlobPtr();
   if (!numbers.empty()) {
-    numbers_hold = retention_.Hold({caller.tenant, numbers_sha256});
+    prepared.numbers_hold = retention_.Hold({caller.tenant, numbers_sha256});
     kept_numbers = retention_.Put(caller.tenant, numbers, numbers_sha256);
   }
   for (const auto& blob : {mesh, kept_numbers}) {
     if (!blob.ok()) return WithRetryDelay(blob.status(), options.retry_delay);
+    prepared.blobs.push_back(*blob);
   }
 
-  NewJob job;
+  NewJob& job = prepared.job;
   job.record = NewRecord(caller, request);
-  job.record.set_work_key(work_key);
+  job.record.set_work_key(prepared.work_key);
   job.record.set_seams_sha256(numbers_sha256);
   job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
   job.run_time = absl::Seconds(needs.run_seconds);
   job.limits = LimitsOf(caller.tenant);
+  if (request.attached) job.callers_for = JobCallers::kBelieved;
   job.blobs = retention_.Pending(caller.tenant, {request.mesh_sha256, numbers_sha256});
-  if (result.has_value()) job.result_of = result->name;
-  std::shared_ptr<JobEventLog> events = feed_.OpenNew(job.record.job().name());
-  absl::StatusOr<AcceptedChange> accepted = context_.store.Accept(context_.Verb(), job);
-  if (!accepted.ok()) return WithRetryDelay(accepted.status(), options.retry_delay);
+  if (result.has_value()) {
+    job.result_of = result->name;
+    prepared.uv = result->uv;
+  }
+  prepared.events = feed_.OpenNew(job.record.job().name());
+  return prepared;
+}
+
+absl::StatusOr<AcceptedJob> JobAdmission::AnswerPrepared(const Caller& caller, Prepared* prepared,
+                                                         absl::StatusOr<AcceptedChange> accepted) {
+  if (!accepted.ok()) return WithRetryDelay(accepted.status(), context_.options.retry_delay);
   if (accepted->room != Room::kYes) return QueueFull(caller.tenant, accepted->room);
-  if (!accepted->created) return AnswerKnown(caller, request, work_key, std::move(accepted->change.record));
-  retention_.Committed(job.blobs);
+  const JobRequest& request = prepared->request;
+  if (!accepted->created) return AnswerKnown(caller, request, prepared->work_key, std::move(accepted->change.record));
+  retention_.Committed(prepared->job.blobs);
   {
     const std::lock_guard lock(mutex_);
     Calls& calls = calls_[caller.tenant];
     ++calls.accepted;
     if (accepted->shares) ++calls.shared;
   }
-  return AnswerNew(request, *std::move(accepted), std::move(events), result.has_value() ? result->uv : nullptr);
+  return AnswerNew(request, *std::move(accepted), std::move(prepared->events), prepared->uv);
 }
 
 std::optional<JobAdmission::KeptResult> JobAdmission::FindResult(const std::string& work_key) const {
@@ -287,7 +328,6 @@ JobRecord JobAdmission::NewRecord(const Caller& caller, const JobRequest& reques
   record.set_face_weights(static_cast<std::int64_t>(request.face_weights.size()));
   if (request.array_vertices.has_value()) record.set_array_vertices(*request.array_vertices);
   record.set_attached(request.attached);
-  if (request.attached) *record.mutable_callers_until() = ToTimestamp(callers_.Until());
   record.set_failpoint(request.failpoint);
   record.set_credential(caller.credential);
   v1::Job* job = record.mutable_job();

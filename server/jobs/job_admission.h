@@ -38,6 +38,9 @@ class JobAdmission {
 
   // JobManager::Create. `refusal`: why no new jobs are taken; OK: they are.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request, const absl::Status& refusal);
+  // JobManager::CreateAll, likewise.
+  std::vector<absl::StatusOr<AcceptedJob>> CreateAll(const Caller& caller, std::vector<JobRequest> requests,
+                                                     const absl::Status& refusal);
   // JobManager::Estimate.
   absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
                                            const v1::MeshSize& size) const;
@@ -61,7 +64,22 @@ class JobAdmission {
     StoredBlobPtr uv;
   };
 
-  absl::StatusOr<AcceptedJob> Accept(const Caller& caller, JobRequest request, const absl::Status& refusal);
+  // A request that is about to be accepted.
+  struct Prepared {
+    std::optional<AcceptedJob> known;  // the job that has its request id; then the rest is empty
+    JobRequest request;
+    std::string work_key;
+    BlobHold mesh_hold, numbers_hold;  // until the record refers to them
+    std::vector<StoredBlobPtr> blobs;
+    NewJob job;
+    std::shared_ptr<JobEventLog> events;
+    StoredBlobPtr uv;  // of NewJob::result_of
+  };
+  absl::StatusOr<Prepared> Prepare(const Caller& caller, JobRequest asked, const absl::Status& refusal);
+  absl::StatusOr<AcceptedJob> AnswerPrepared(const Caller& caller, Prepared* prepared,
+                                             absl::StatusOr<AcceptedChange> accepted);
+  // Counts refusals.
+  absl::StatusOr<AcceptedJob> Noted(const Caller& caller, absl::StatusOr<AcceptedJob> answer);
   // The job that has the request id, if there is one.
   absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
                                                        const std::string& work_key);

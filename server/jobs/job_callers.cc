@@ -1,14 +1,12 @@
 #include "server/jobs/job_callers.h"
 
-#include <algorithm>
 #include <vector>
 
 namespace planish {
 namespace {
 
-// Between two times that the store is told of callers, and how long it believes that.
+// Between two times that the store is told of callers.
 constexpr absl::Duration kRenewal = absl::Seconds(20);
-constexpr absl::Duration kBelieved = absl::Seconds(60);
 
 }  // namespace
 
@@ -23,17 +21,13 @@ void JobAttachment::Release(Parting parting) {
   if (JobCallers* callers = std::exchange(callers_, nullptr); callers != nullptr) callers->Detach(name_, parting);
 }
 
-absl::Time JobCallers::Until() const {
-  return context_.options.clock() + kBelieved;
-}
-
 JobAttachment JobCallers::Attach(const std::string& name, bool known) {
   {
     const std::lock_guard lock(mutex_);
     ++callers_[name];
   }
   if (!known) {
-    if (const absl::Status status = context_.store.SetCallersUntil({name}, Until()); !status.ok()) {
+    if (const absl::Status status = context_.store.KeepCallers({name}, kBelieved); !status.ok()) {
       context_.TellError(status);
     }
   }
@@ -48,28 +42,31 @@ void JobCallers::Detach(const std::string& name, Parting parting) {
     callers_.erase(found);
     if (suspended_ || parting == Parting::kJobEnded) return;
   }
-  const absl::Time now = context_.options.clock();
-  const absl::Time until = parting == Parting::kForGood ? now : now + context_.Limits().reattach_grace;
+  const absl::Duration grace = parting == Parting::kForGood ? absl::ZeroDuration() : context_.Limits().reattach_grace;
   // If it cannot be written, what was said last comes true a little later.
-  if (const absl::Status status = context_.store.SetCallersUntil({name}, until); !status.ok()) {
-    context_.TellError(status);
-  }
-  if (until <= now && context_.on_due) context_.on_due();
+  if (const absl::Status status = context_.store.KeepCallers({name}, grace); !status.ok()) context_.TellError(status);
+  if (grace <= absl::ZeroDuration() && context_.on_due) context_.on_due();
 }
 
 void JobCallers::Renew() {
   std::vector<std::string> names;
-  const absl::Time now = context_.options.clock();
+  const absl::Time now = context_.options.steady_clock();
+  absl::Duration ahead;
+  // A store that others share has a clock that asking takes a round trip.
+  if (!context_.store.is_shared()) {
+    if (const absl::StatusOr<absl::Time> of_store = context_.store.Now(); of_store.ok()) ahead = *of_store - now;
+  }
   {
     const std::lock_guard lock(mutex_);
-    // A clock that was set back puts it off by one renewal at the most.
-    next_renewal_ = std::min(next_renewal_, now + kRenewal);
-    if (suspended_ || now < next_renewal_) return;
+    // What the store was told is worth nothing once its clock was set forward.
+    const bool was_set = ahead > store_ahead_ + kRenewal;
+    store_ahead_ = ahead;
+    if (suspended_ || (now < next_renewal_ && !was_set)) return;
     next_renewal_ = now + kRenewal;
     for (const auto& [name, count] : callers_) names.push_back(name);
   }
   if (names.empty()) return;
-  if (const absl::Status status = context_.store.SetCallersUntil(names, now + kBelieved); !status.ok()) {
+  if (const absl::Status status = context_.store.KeepCallers(names, kBelieved); !status.ok()) {
     context_.TellError(status);
     const std::lock_guard lock(mutex_);
     next_renewal_ = absl::InfinitePast();

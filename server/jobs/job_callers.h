@@ -48,9 +48,10 @@ class JobCallers {
   // `context` outlives the object.
   explicit JobCallers(JobContext* context) : context_(*context) {}
 
-  // JobRecord.callers_until of a job with callers that is accepted or attached to now.
-  absl::Time Until() const;
-  // Counts one more caller. `known`: the store has Until() of this moment, as when the job was just accepted.
+  // How long the store believes that callers are there who have just come or said so.
+  static constexpr absl::Duration kBelieved = absl::Seconds(60);
+
+  // Counts one more caller. `known`: the store knows, as when the job was just accepted.
   JobAttachment Attach(const std::string& name, bool known);
   // Says of all jobs with callers that these are there. Call it a few times a second: most calls do nothing.
   void Renew();
@@ -66,8 +67,9 @@ class JobCallers {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<std::string, int> callers_;  // of each job
-  absl::Time next_renewal_ = absl::InfinitePast();
+  std::map<std::string, int> callers_;              // of each job
+  absl::Time next_renewal_ = absl::InfinitePast();  // by the steady clock
+  absl::Duration store_ahead_;                      // of the steady clock, the store's one, at the last look
   bool suspended_ = false;
 };
 

@@ -1,7 +1,6 @@
 #include "server/jobs/job_manager.h"
 
 #include <algorithm>
-#include <chrono>
 #include <optional>
 #include <utility>
 
@@ -45,10 +44,6 @@ absl::Status JobNotFinished(const v1::Job& job, const std::string& advice) {
 
 }  // namespace
 
-absl::Time SteadyNow() {
-  return absl::UnixEpoch() + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
-}
-
 // ---- beginning
 
 absl::StatusOr<std::unique_ptr<JobManager>> JobManager::Open(JobManagerOptions options, JobStore* store,
@@ -84,8 +79,9 @@ absl::Status JobManager::Recover() {
     PLANISH_RETURN_IF_ERROR(RecoverJob(record));
     if (record.attached()) attached.push_back(record.job().name());
   }
-  const absl::Time until = context_.options.clock() + context_.Limits().reattach_grace;
-  if (!attached.empty()) PLANISH_RETURN_IF_ERROR(context_.store.SetCallersUntil(attached, until));
+  if (!attached.empty()) {
+    PLANISH_RETURN_IF_ERROR(context_.store.KeepCallers(attached, context_.Limits().reattach_grace));
+  }
   retention_.Open();
   return absl::OkStatus();
 }
@@ -123,6 +119,10 @@ absl::Status JobManager::Draining() const {
 
 absl::StatusOr<AcceptedJob> JobManager::Create(const Caller& caller, JobRequest request) {
   return admission_.Create(caller, std::move(request), Draining());
+}
+
+std::vector<absl::StatusOr<AcceptedJob>> JobManager::CreateAll(const Caller& caller, std::vector<JobRequest> requests) {
+  return admission_.CreateAll(caller, std::move(requests), Draining());
 }
 
 absl::StatusOr<v1::Job> JobManager::Snapshot(const JobRecord& record) const {
@@ -273,7 +273,6 @@ bool JobManager::MakeRoom(const std::string& tenant, std::int64_t bytes) {
 
 ManagerStats JobManager::Stats() const {
   const JobManagerOptions& options = context_.options;
-  const absl::Time now = options.clock();
   ManagerStats stats;
   stats.store_id = context_.store.id();
   stats.draining = draining_;
@@ -286,7 +285,9 @@ ManagerStats JobManager::Stats() const {
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
   admission_.AddCalls(&tenants, &stats.refused_by_reason);
+  absl::Time now;
   if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
+    now = queue->now;
     for (const WorkRow& work : queue->works) {
       if (!work.running) ++stats.queued_work;
       if (work.running) stats.all_reserved_bytes += work.memory_bytes;

@@ -61,6 +61,8 @@ class JobManager {
   // QUEUE_FULL, STORAGE_FULL, both with a retry delay, MESH_TOO_LARGE and MEMORY_LIMIT; UNAVAILABLE with DRAINING and a
   // retry delay.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request);
+  // The same for each, in this order; those that are accepted are committed together.
+  std::vector<absl::StatusOr<AcceptedJob>> CreateAll(const Caller& caller, std::vector<JobRequest> requests);
 
   // `may_follow`: also if the caller may only submit, and the same credentials created the job.
   absl::StatusOr<v1::Job> Get(const Caller& caller, const std::string& name, bool may_follow = false) const;

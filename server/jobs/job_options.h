@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "planish/v1/job.pb.h"
 #include "server/access/tenant.h"
@@ -17,22 +16,22 @@
 #include "server/jobs/claim_pace.h"
 #include "server/jobs/job_observer.h"
 #include "server/jobs/job_request.h"
+#include "server/jobs/steady_clock.h"
 #include "server/store/ids.h"
 #include "server/store/job_store.h"
 
 namespace planish {
 
-// The time of a clock that nobody sets, from an arbitrary beginning.
-absl::Time SteadyNow();
-
 // What may change while the server runs.
 struct JobLimits {
   int queue_capacity = 64;  // jobs of a tenant that may wait beside those that run, >= 0
-  // Of each tenant: ended jobs kept, and bytes of their UV. How long these stay. The tenant's oldest go first; its last
-  // one that ended always stays.
-  int retained_jobs = 256;
+  // Of each tenant: bytes of the UV of ended jobs, and how long these stay. The tenant's oldest go first; those of its
+  // last job that ended always stay.
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
+  // Likewise of ended jobs themselves: their records, reports and events. A job that goes takes its UV with it.
+  std::int64_t retained_record_bytes = std::int64_t{256} << 20;
+  absl::Duration retained_record_time = absl::InfiniteDuration();
   absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
 };
 
@@ -73,9 +72,8 @@ struct JobManagerOptions {
   // Hears of verbs of the store that failed and of meshes that could not be read, likewise. They are tried again by
   // Tick().
   std::function<void(const absl::Status&)> on_store_error;
-  JobObserver* observer = nullptr;  // may be null; outlives the manager
-  std::function<absl::Time()> clock = absl::Now;
-  std::function<absl::Time()> steady_clock = SteadyNow;  // of how long work takes: nobody sets it
+  JobObserver* observer = nullptr;                       // may be null; outlives the manager
+  std::function<absl::Time()> steady_clock = SteadyNow;  // of how long work takes; all other times are the store's
   std::function<std::string()> new_id = RandomId;
 };
 
@@ -96,7 +94,7 @@ class JobContext {
   }
 
   // For each verb of the store.
-  VerbContext Verb() const { return {options.clock(), Limits().retained_time, options.max_attempts, options.clock}; }
+  VerbContext Verb() const { return {Limits().retained_time, options.max_attempts}; }
 
   JobCapacity Capacity() const {
     return options.capacity != nullptr ? options.capacity()

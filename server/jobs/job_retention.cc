@@ -36,7 +36,7 @@ void BlobHold::Release() {
 void JobRetention::Open() {
   {
     const std::lock_guard lock(mutex_);
-    next_sweep_ = context_.options.clock() + kSweepInterval;
+    next_sweep_ = context_.options.steady_clock() + kSweepInterval;
   }
   context_.blobs.Collect([this](const BlobId& id) { return IsUsed(id); });
 }
@@ -102,7 +102,7 @@ bool JobRetention::Collect(const BlobId& id) {
 }
 
 void JobRetention::CollectBlobs() {
-  const absl::Time now = context_.options.clock();
+  const absl::Time now = context_.options.steady_clock();
   bool sweeps = false;
   {
     const std::lock_guard lock(mutex_);
@@ -159,34 +159,56 @@ void JobRetention::Retain() {
   // Whoever is at it sees to this, too, or Tick() does.
   const std::unique_lock turn(retaining_, std::try_to_lock);
   if (!turn.owns_lock()) return;
-  const absl::Duration retained_time = context_.Limits().retained_time;
-  const absl::Time now = context_.options.clock();
-  for (;;) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (now < next_expiry_) break;
-    }
-    const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded("", v1::JOB_STATE_SUCCEEDED);
-    if (!oldest.ok()) break;
-    const absl::Time next =
-        (oldest->has_value() ? absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(
-                                   (*oldest)->job().end_time()))
-                             : now) +
-        retained_time;
-    {
-      const std::lock_guard lock(mutex_);
-      next_expiry_ = next;
-    }
-    if (!oldest->has_value() || now < next || !Expire(**oldest)) break;
+  const absl::StatusOr<absl::Time> now = context_.store.Now();
+  if (!now.ok()) return context_.TellError(now.status());
+  absl::Time next_expiry;
+  {
+    const std::lock_guard lock(mutex_);
+    next_expiry = next_expiry_;
+  }
+  if (*now >= next_expiry) {
+    const absl::StatusOr<absl::Time> next = DropOld(*now);
+    if (!next.ok()) return context_.TellError(next.status());
+    const std::lock_guard lock(mutex_);
+    next_expiry_ = *next;
   }
   const absl::StatusOr<JobTotals> totals = context_.store.Totals();
   if (!totals.ok()) return context_.TellError(totals.status());
   for (const auto& [tenant, each] : totals->tenants) RetainOf(tenant, each);
 }
 
+absl::StatusOr<absl::Time> JobRetention::DropOld(absl::Time now) {
+  const JobLimits limits = context_.Limits();
+  // Whatever ends from now on is too old then.
+  absl::Time next = now + std::min(limits.retained_time, limits.retained_record_time);
+  // Whether the record, the oldest of its kind, is too old.
+  const auto is_old = [&](const std::optional<JobRecord>& record, absl::Duration retained_time) {
+    if (!record.has_value()) return false;
+    const absl::Time end =
+        absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(record->job().end_time()));
+    if (now >= end + retained_time) return true;
+    next = std::min(next, end + retained_time);
+    return false;
+  };
+  for (;;) {
+    PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> oldest,
+                             context_.store.FirstEnded("", v1::JOB_STATE_SUCCEEDED));
+    if (!is_old(oldest, limits.retained_time)) break;
+    if (!Expire(*oldest)) return now;
+  }
+  for (;;) {
+    PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> oldest,
+                             context_.store.FirstEnded("", v1::JOB_STATE_UNSPECIFIED));
+    if (!is_old(oldest, limits.retained_record_time)) break;
+    const absl::Status status = Forget(*oldest);
+    if (!status.ok() && !absl::IsNotFound(status)) return status;
+  }
+  return next;
+}
+
 void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& totals) {
   const JobLimits limits = context_.Limits();
-  std::int64_t bytes = totals.result_bytes, ended = totals.ended;
+  std::int64_t bytes = totals.result_bytes, record_bytes = totals.record_bytes, ended = totals.ended;
   while (bytes > limits.retained_bytes) {
     const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded(tenant, v1::JOB_STATE_SUCCEEDED);
     const absl::StatusOr<std::optional<JobRecord>> last = context_.store.LastEnded(tenant);
@@ -194,13 +216,17 @@ void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& total
     if ((*oldest)->job().name() == (*last)->job().name() || !Expire(**oldest)) break;
     bytes -= (*oldest)->job().uv().total_bytes();
   }
-  while (ended > std::max(limits.retained_jobs, 1)) {
-    const std::int64_t surplus = ended - std::max(limits.retained_jobs, 1);
-    const absl::StatusOr<std::vector<JobRecord>> gone =
-        context_.store.DeleteOldest(tenant, static_cast<int>(std::min<std::int64_t>(surplus, kForgottenAtOnce)));
+  while (record_bytes > limits.retained_record_bytes && ended > 1) {
+    // As many as are too many if all take the same, so that hardly more go than have to.
+    const double share = 1 - static_cast<double>(limits.retained_record_bytes) / static_cast<double>(record_bytes);
+    const double surplus = std::clamp(share * static_cast<double>(ended) / 2, 1.0, double{kForgottenAtOnce});
+    const absl::StatusOr<std::vector<JobRecord>> gone = context_.store.DeleteOldest(tenant, static_cast<int>(surplus));
     if (!gone.ok() || gone->empty()) break;  // empty: another process is at it
-    for (const JobRecord& record : *gone) NoteUnused(record);
-    ended -= static_cast<std::int64_t>(gone->size());
+    for (const JobRecord& record : *gone) {
+      NoteUnused(record);
+      record_bytes -= record.kept_bytes();
+      --ended;
+    }
   }
 }
 

@@ -73,6 +73,8 @@ class JobRetention {
   void Unhold(const BlobId& id);
   // Whether the record says so now.
   bool Expire(const JobRecord& record);
+  // Drops UV and records that are too old; returns when the next ones will be.
+  absl::StatusOr<absl::Time> DropOld(absl::Time now);
   void RetainOf(const std::string& tenant, const TenantTotals& totals);
   void NoteUnused(const JobRecord& record);
   bool IsUsed(const BlobId& id) const;
@@ -90,8 +92,8 @@ class JobRetention {
   std::set<BlobId> collecting_;
   std::set<BlobId> unused_;                        // may be unused: to be looked at
   std::vector<BlobId> sweep_;                      // likewise, a few at a time
-  absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs
-  absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
+  absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs, by the steady clock
+  absl::Time next_expiry_ = absl::InfinitePast();  // no result or record is too old before, by the store's clock
 };
 
 }  // namespace planish

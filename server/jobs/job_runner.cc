@@ -325,7 +325,7 @@ void JobRunner::Renew(const std::vector<Lease>& leases) {
       continue;
     }
     if (wish == Wish::kCancel && attempt->wish != Wish::kCancel) {
-      attempt->obey_by = context_.options.clock() + context_.options.obey_limit;
+      attempt->obey_by = now + context_.options.obey_limit;
     }
     attempt->wish = wish;
     TellWish(attempt);

@@ -44,8 +44,8 @@ class JobSource {
   virtual void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) = 0;
   virtual void ReportLost(const std::string& name, int attempt, WorkerLoss loss) = 0;
 
-  // When the worker is to be killed if the job has not ended by then: the infinite future, unless the job was cancelled
-  // or ran out of time; the infinite past if nobody wants its result any more.
+  // When, by the steady clock, the worker is to be killed if the job has not ended by then: the infinite future, unless
+  // the job was cancelled or ran out of time; the infinite past if nobody wants its result any more.
   virtual absl::Time ObeyBy(const std::string& name, int attempt) = 0;
 };
 

@@ -9,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "absl/time/clock.h"
 #include "core/base/error.h"
 
 namespace planish {
@@ -83,7 +84,7 @@ class WorkerPool::Seat {
 
  private:
   bool IsWanted(const JobAssignment& assignment) const {
-    return source_.ObeyBy(assignment.name, assignment.attempt) > options_.clock();
+    return source_.ObeyBy(assignment.name, assignment.attempt) > options_.steady_clock();
   }
 
   // Sees to it that there is a worker that is ready. False if the pool ends before one could be started, or if nobody
@@ -217,7 +218,7 @@ class WorkerPool::Seat {
       Lose(job, WorkerEndCause::kHung, Hung("nothing was heard of it", stage_, since_message_.Elapsed()));
     } else if (since_start_.Elapsed() >= options_.job_limit) {
       Lose(job, WorkerEndCause::kHung, Hung("the job took too long", stage_, since_start_.Elapsed()));
-    } else if (source_.ObeyBy(job.name, job.attempt) <= options_.clock()) {
+    } else if (source_.ObeyBy(job.name, job.attempt) <= options_.steady_clock()) {
       Lose(job, WorkerEndCause::kDisobedient,
            Hung("it did not end the job when it was told to", stage_, since_start_.Elapsed()));
     } else {

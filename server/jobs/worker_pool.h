@@ -12,9 +12,9 @@
 #include <thread>
 #include <vector>
 
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/jobs/job_source.h"
+#include "server/jobs/steady_clock.h"
 #include "server/link/worker_link.h"
 
 namespace planish {
@@ -48,7 +48,7 @@ struct WorkerPoolOptions {
   // on_none_ready is called, once. A machine that starts no worker in that time will start none.
   int first_starts = 5;
   absl::Duration first_limit = absl::Seconds(10);
-  absl::Duration retry_min = absl::Milliseconds(100);    // after a start that failed; doubles up to retry_max
+  absl::Duration retry_min = absl::Milliseconds(100);  // after a start that failed; doubles up to retry_max
   absl::Duration retry_max = absl::Seconds(10);
   // Until a mesh is decoded: decode_limit and decode_limit_per_mib for each MiB of Draco.
   absl::Duration decode_limit = absl::Seconds(30);
@@ -62,7 +62,7 @@ struct WorkerPoolOptions {
   std::function<void(const WorkerEnd&)> on_worker_end;
   std::function<void(const absl::Status& status, absl::Duration retry_in)> on_start_failed;
   std::function<void(const absl::Status& last)> on_none_ready;  // `last`: how the last start failed
-  std::function<absl::Time()> clock = absl::Now;  // of JobSource::ObeyBy(); limits here go by a clock that nobody sets
+  std::function<absl::Time()> steady_clock = SteadyNow;         // of JobSource::ObeyBy()
 };
 
 // A thread for each worker, which takes a job only when its worker is there and ready: one that cannot be started or

@@ -46,6 +46,7 @@ const std::vector<const MetricDefinition*>& AllMetrics() {
       &kStreams,
       &kReady,
       &kDraining,
+      &kClockSkew,
       &kCertificateEnd,
       &kBuildInfo,
       &kProcessStart,

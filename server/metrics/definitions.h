@@ -145,6 +145,9 @@ inline const MetricDefinition kStreams = {"planish_streams_open", kGauge, "", "S
 
 inline const MetricDefinition kReady = {"planish_ready", kGauge, "", "1 where /readyz says ready, else 0."};
 inline const MetricDefinition kDraining = {"planish_draining", kGauge, "", "1 while no new jobs are taken, else 0."};
+inline const MetricDefinition kClockSkew = {"planish_clock_skew_seconds", kGauge, "",
+                                            "How far the machine's clock is ahead of the store's (negative: behind), "
+                                            "as of the last seconds; 0 without a farm."};
 inline const MetricDefinition kCertificateEnd = {
     "planish_tls_certificate_not_after_seconds", kGauge, "",
     "When the server's TLS certificate expires, Unix time; 0: the server has none."};

@@ -295,6 +295,7 @@ std::string ServerMetrics::Text(const ServerGauges& gauges) const {
   pulled.Add(metric::kUvBytes, static_cast<double>(gauges.uv_sent_bytes));
   pulled.Add(metric::kStreams, gauges.streams);
   pulled.Add(metric::kReady, gauges.ready ? 1 : 0);
+  pulled.Add(metric::kClockSkew, absl::ToDoubleSeconds(gauges.clock_skew));
   pulled.Add(metric::kCertificateEnd, absl::ToDoubleSeconds(gauges.certificate_end - absl::UnixEpoch()));
   pulled.Add(metric::kBuildInfo, 1, {{"version", families_->version}, {"store", gauges.jobs.store_id}});
   AddProcess(&pulled);

@@ -27,6 +27,7 @@ struct ServerGauges {
   std::int64_t uv_sent_bytes = 0;
   int streams = 0;
   bool ready = false;
+  absl::Duration clock_skew;
   absl::Time certificate_end = absl::UnixEpoch();  // the epoch: no certificate
 };
 

@@ -1,6 +1,7 @@
 #include "server/rpc/call_deadline.h"
 
 #include "absl/time/clock.h"
+#include "server/jobs/steady_clock.h"
 
 namespace planish {
 namespace {
@@ -12,13 +13,13 @@ constexpr absl::Duration kNever = absl::Hours(24 * 365 * 50);
 }  // namespace
 
 std::optional<absl::Time> DeadlineOf(const grpc::CallbackServerContext& context) {
-  const absl::Time deadline = absl::FromChrono(context.deadline());
-  if (deadline - absl::Now() > kNever) return std::nullopt;
-  return deadline;
+  const absl::Duration left = absl::FromChrono(context.deadline()) - absl::Now();
+  if (left > kNever) return std::nullopt;
+  return SteadyNow() + left;
 }
 
 bool HasPassed(const std::optional<absl::Time>& deadline) {
-  return deadline.has_value() && absl::Now() >= *deadline - kSlack;
+  return deadline.has_value() && SteadyNow() >= *deadline - kSlack;
 }
 
 }  // namespace planish

@@ -7,7 +7,7 @@
 
 namespace planish {
 
-// When the caller no longer waits; nothing if it waits for ever.
+// When, by the steady clock, the caller no longer waits; nothing if it waits for ever.
 std::optional<absl::Time> DeadlineOf(const grpc::CallbackServerContext& context);
 
 // Whether a call that was just cut off was so because its deadline passed. (The caller's clock measures it too, and its

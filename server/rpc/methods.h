@@ -17,6 +17,14 @@ enum class MessageSize {
   kPiece,  // one piece of an upload
 };
 
+// What answering takes, and so on which threads it happens: what is quick does not wait for what is slow.
+enum class Work {
+  kNone,    // nothing that waits
+  kReads,   // reads from the store
+  kWrites,  // writes to the store
+  kMoves,   // moves bytes of uploads
+};
+
 struct Method {
   std::string_view service;  // "planish.v1.Planish"
   std::string_view name;     // "CreateJob"
@@ -24,6 +32,7 @@ struct Method {
   MessageSize size;
   // Fields that a message may have, at every depth: each may cost a hundred bytes of memory and two of the message.
   std::int64_t max_fields;
+  Work work = Work::kReads;
   bool streams = false;  // lasts as long as a job or a caller wants
   bool submits = false;  // makes a job or an upload, or makes one grow
 

@@ -23,10 +23,10 @@
 namespace planish {
 namespace {
 
-// For calls that ask the manager, and for those that move bytes of uploads, so that a few slow senders hold up nobody
-// else.
-constexpr int kCallThreads = 4;
-constexpr int kUploadThreads = 2;
+// Threads for calls by what they do (methods.h).
+constexpr int kReadThreads = 4;
+constexpr int kWriteThreads = 4;
+constexpr int kUploadThreads = 3;
 
 // Where a server does not say how much a message may hold.
 constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
@@ -42,6 +42,9 @@ constexpr std::int64_t kMostResultBytes = std::int64_t{1} << 20;
 
 // Of a BatchCreateJobs and a FindMissingMeshes.
 constexpr int kMostInBatch = 1000;
+// Jobs of a batch that are committed together: a sync for each would take longer than all the rest, and more of them
+// would hold up other writers for longer.
+constexpr int kBatchSlice = 50;
 
 absl::Status FieldIsWrong(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", field}});
@@ -94,13 +97,46 @@ absl::StatusOr<JobRequest> TakeSpec(const Caller& caller, v1::JobSpec* spec, Upl
   return job;
 }
 
+// A BatchCreateJobs. Other tenants, and other calls of this one, have their turn between two slices of the batch.
+class BatchCall : public Call {
+ public:
+  // Answers the next requests of the batch, up to kBatchSlice.
+  using Slice = std::function<void(const CallInfo&, v1::BatchCreateJobsRequest*, v1::BatchCreateJobsResponse*)>;
+
+  BatchCall(CallInfo call, TaskThreads* threads, Slice slice)
+      : Call(std::move(call)), tasks_{threads, info().caller.tenant}, slice_(std::move(slice)) {}
+
+ private:
+  void OnMessage(ReceivedMessagePtr message) override {
+    message_ = std::move(message);
+    tasks_.Post([self = shared_from_this(), this] {
+      absl::Status status = message_->Parse(&request_);
+      if (status.ok()) status = CheckCount("requests", request_.requests_size());
+      status.ok() ? Go() : End(status);
+    });
+  }
+
+  void Go() {
+    if (info().context->IsCancelled()) return End(absl::CancelledError("the caller is gone"));
+    slice_(info(), &request_, &response_);
+    if (response_.results_size() == request_.requests_size()) return EndWith(response_);
+    tasks_.Post([self = shared_from_this(), this] { Go(); });
+  }
+
+  const TenantTasks tasks_;
+  const Slice slice_;
+  ReceivedMessagePtr message_;  // for its share of the memory
+  v1::BatchCreateJobsRequest request_;
+  v1::BatchCreateJobsResponse response_;
+};
+
 class PlanishService : public RpcService {
  public:
   PlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options, StreamCounter* streams)
       : manager_(manager),
         uploads_(uploads),
         options_(std::move(options)),
-        surroundings_{streams, &call_threads_, options_.progress_per_second} {
+        surroundings_{streams, options_.progress_per_second} {
     if (options_.capabilities.upload_chunk_bytes() <= 0) {
       options_.capabilities.set_upload_chunk_bytes(kDefaultChunkBytes);
     }
@@ -108,8 +144,8 @@ class PlanishService : public RpcService {
     Add("WatchJob", [this](CallInfo info) { return WatchJob(std::move(info)); });
     Add("WaitJob", [this](CallInfo info) { return WaitJob(std::move(info)); });
     Add("WriteUpload", [this](CallInfo info) { return WriteUpload(std::move(info)); });
+    Add("BatchCreateJobs", [this](CallInfo info) { return BatchCreateJobs(std::move(info)); });
     Add("CreateJob", &PlanishService::CreateJob);
-    Add("BatchCreateJobs", &PlanishService::BatchCreateJobs);
     Add("FindMissingMeshes", &PlanishService::FindMissingMeshes);
     Add("GetJob", &PlanishService::GetJob);
     Add("ReadResult", &PlanishService::ReadResult);
@@ -130,6 +166,7 @@ class PlanishService : public RpcService {
   // ---- calls that last
 
   std::shared_ptr<Call> Unwrap(CallInfo info) {
+    const TenantTasks tasks = TasksOf(info);
     JobStream::Position position;
     position.include_uv = true;
     return StreamUnwrap(
@@ -141,10 +178,11 @@ class PlanishService : public RpcService {
                                                                 /*attached=*/!request.detached()));
           return OpenedJob{{std::move(accepted.events), std::move(accepted.attachment)}, position};
         },
-        surroundings_);
+        {tasks, tasks}, surroundings_);
   }
 
   std::shared_ptr<Call> WatchJob(CallInfo info) {
+    StreamTasks tasks = {TasksOf(info), {&write_threads_, info.caller.tenant}};
     return StreamWatchJob(
         std::move(info),
         [this](const CallInfo& call, ReceivedMessage& message) -> absl::StatusOr<OpenedJob> {
@@ -156,10 +194,11 @@ class PlanishService : public RpcService {
               WatchedJob job, manager_->Watch(call.caller, request.name(), request.attach(), request.include_uv()));
           return OpenedJob{std::move(job), position};
         },
-        surroundings_);
+        std::move(tasks), surroundings_);
   }
 
   std::shared_ptr<Call> WaitJob(CallInfo info) {
+    TenantTasks tasks = TasksOf(info);
     return AwaitJob(
         std::move(info),
         [this](const CallInfo& call, ReceivedMessage& message) -> absl::StatusOr<WaitedJob> {
@@ -178,12 +217,20 @@ class PlanishService : public RpcService {
           };
           return wait;
         },
-        &call_threads_);
+        std::move(tasks));
   }
 
   std::shared_ptr<Call> WriteUpload(CallInfo info) {
     return ReceiveUpload(std::move(info), uploads_, options_.capabilities.upload_chunk_bytes(), &upload_threads_,
                          surroundings_.streams);
+  }
+
+  std::shared_ptr<Call> BatchCreateJobs(CallInfo info) {
+    return std::make_shared<BatchCall>(
+        std::move(info), &write_threads_,
+        [this](const CallInfo& call, v1::BatchCreateJobsRequest* request, v1::BatchCreateJobsResponse* response) {
+          CreateSlice(call, request, response);
+        });
   }
 
   // ---- calls with one answer
@@ -192,23 +239,6 @@ class PlanishService : public RpcService {
     PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted,
                              Create(call, request->mutable_spec(), request->request_id(), /*attached=*/false));
     return std::move(accepted.job);
-  }
-
-  absl::StatusOr<v1::BatchCreateJobsResponse> BatchCreateJobs(const CallInfo& call,
-                                                              v1::BatchCreateJobsRequest* request) {
-    PLANISH_RETURN_IF_ERROR(CheckCount("requests", request->requests_size()));
-    v1::BatchCreateJobsResponse answer;
-    for (int i = 0; i < request->requests_size(); ++i) {
-      v1::CreateJobRequest* const each = request->mutable_requests(i);
-      absl::StatusOr<AcceptedJob> accepted = Create(call, each->mutable_spec(), each->request_id(), /*attached=*/false);
-      v1::BatchCreateJobsResponse::Result* result = answer.add_results();
-      if (accepted.ok()) {
-        *result->mutable_job() = InView(std::move(accepted->job), v1::JOB_VIEW_BASIC);
-      } else {
-        *result->mutable_error() = ToCallStatus(WithinField(accepted.status(), absl::StrCat("requests[", i, "].")));
-      }
-    }
-    return answer;
   }
 
   absl::StatusOr<v1::FindMissingMeshesResponse> FindMissingMeshes(const CallInfo& call,
@@ -295,23 +325,69 @@ class PlanishService : public RpcService {
   absl::StatusOr<AcceptedJob> Create(const CallInfo& call, v1::JobSpec* spec, const std::string& request_id,
                                      bool attached) {
     const v1::JobSpec::MeshCase mesh = spec->mesh_case();
-    absl::StatusOr<JobRequest> job = TakeSpec(call.caller, spec, uploads_);
+    absl::StatusOr<JobRequest> job = TakeRequest(call, spec, request_id, attached);
     if (!job.ok()) return WithinSpec(job.status(), mesh);
-    job->request_id = request_id;
-    job->attached = attached;
-    job->failpoint = Failpoint(*call.context);
     absl::StatusOr<AcceptedJob> accepted = manager_->Create(call.caller, *std::move(job));
     if (!accepted.ok()) return WithinSpec(accepted.status(), mesh);
     return accepted;
   }
 
-  void Add(const std::string& name, CallMaker make) {
-    endpoints_.push_back({&MethodAt(absl::StrCat("/planish.v1.Planish/", name)), std::move(make)});
+  absl::StatusOr<JobRequest> TakeRequest(const CallInfo& call, v1::JobSpec* spec, const std::string& request_id,
+                                         bool attached) {
+    PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeSpec(call.caller, spec, uploads_));
+    job.request_id = request_id;
+    job.attached = attached;
+    job.failpoint = Failpoint(*call.context);
+    return job;
   }
+
+  // Creates the next jobs of a batch, which are committed together.
+  void CreateSlice(const CallInfo& call, v1::BatchCreateJobsRequest* request, v1::BatchCreateJobsResponse* response) {
+    const int begin = response->results_size();
+    const int end = std::min(begin + kBatchSlice, request->requests_size());
+    std::vector<absl::Status> refused;  // of each; OK: it is one of `jobs`
+    std::vector<JobRequest> jobs;
+    std::vector<v1::JobSpec::MeshCase> meshes;
+    for (int i = begin; i < end; ++i) {
+      v1::CreateJobRequest* const each = request->mutable_requests(i);
+      meshes.push_back(each->spec().mesh_case());
+      absl::StatusOr<JobRequest> job = TakeRequest(call, each->mutable_spec(), each->request_id(), /*attached=*/false);
+      refused.push_back(job.status());
+      if (job.ok()) jobs.push_back(*std::move(job));
+    }
+    std::vector<absl::StatusOr<AcceptedJob>> accepted = manager_->CreateAll(call.caller, std::move(jobs));
+    auto next = accepted.begin();
+    for (int i = begin; i < end; ++i) {
+      const auto at = static_cast<std::size_t>(i - begin);
+      absl::StatusOr<AcceptedJob> answer = refused[at];
+      if (refused[at].ok()) answer = std::move(*next++);
+      v1::BatchCreateJobsResponse::Result* result = response->add_results();
+      if (answer.ok()) {
+        *result->mutable_job() = InView(std::move(answer->job), v1::JOB_VIEW_BASIC);
+      } else {
+        *result->mutable_error() =
+            ToCallStatus(WithinField(WithinSpec(answer.status(), meshes[at]), absl::StrCat("requests[", i, "].")));
+      }
+    }
+  }
+
+  // Null: the call needs none.
+  TaskThreads* ThreadsOf(const Method& method) {
+    if (method.work == Work::kNone) return nullptr;
+    if (method.work == Work::kMoves) return &upload_threads_;
+    return method.work == Work::kReads ? &read_threads_ : &write_threads_;
+  }
+  TenantTasks TasksOf(const CallInfo& info) { return {ThreadsOf(*info.method), info.caller.tenant}; }
+
+  static const Method& MethodOf(const std::string& name) {
+    return MethodAt(absl::StrCat("/planish.v1.Planish/", name));
+  }
+
+  void Add(const std::string& name, CallMaker make) { endpoints_.push_back({&MethodOf(name), std::move(make)}); }
 
   template <class Request, class Response>
   void Add(const std::string& name, absl::StatusOr<Response> (PlanishService::*answer)(const CallInfo&, Request*)) {
-    Add(name, MakeUnaryCalls(&call_threads_,
+    Add(name, MakeUnaryCalls(ThreadsOf(MethodOf(name)),
                              ParsedUnary<Request, Response>([this, answer](const CallInfo& call, Request* request) {
                                return (this->*answer)(call, request);
                              })));
@@ -327,7 +403,8 @@ class PlanishService : public RpcService {
   UploadStore* const uploads_;
   ServiceOptions options_;
   std::vector<Endpoint> endpoints_;
-  TaskThreads call_threads_{kCallThreads};
+  TaskThreads read_threads_{kReadThreads};
+  TaskThreads write_threads_{kWriteThreads};
   TaskThreads upload_threads_{kUploadThreads};
   const StreamSurroundings surroundings_;
 };

@@ -1,10 +1,12 @@
 #include "server/rpc/task_threads.h"
 
+#include <algorithm>
+#include <tuple>
 #include <utility>
 
 namespace planish {
 
-TaskThreads::TaskThreads(int count) {
+TaskThreads::TaskThreads(int count) : most_of_tenant_(std::max(count - 1, 1)) {
   for (int i = 0; i < count; ++i) threads_.emplace_back([this] { Run(); });
 }
 
@@ -17,25 +19,42 @@ TaskThreads::~TaskThreads() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void TaskThreads::Post(std::function<void()> task) {
+void TaskThreads::Post(const std::string& tenant, std::function<void()> task) {
   {
     const std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
+    tenants_[tenant].tasks.push_back(std::move(task));
   }
   changed_.notify_one();
+}
+
+TaskThreads::Tenant* TaskThreads::Next() {
+  Tenant* next = nullptr;
+  for (auto& [name, tenant] : tenants_) {
+    if (tenant.tasks.empty() || tenant.running >= most_of_tenant_) continue;
+    const bool is_first =
+        next == nullptr || std::tie(tenant.running, tenant.last_begin) < std::tie(next->running, next->last_begin);
+    if (is_first) next = &tenant;
+  }
+  return next;
 }
 
 void TaskThreads::Run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return ending_ || !tasks_.empty(); });
-    if (tasks_.empty()) return;
-    std::function<void()> task = std::move(tasks_.front());
-    tasks_.pop_front();
+    Tenant* tenant = nullptr;
+    // Tasks that no thread may take yet are left, at the end too, to the threads that run their tenants' other tasks.
+    changed_.wait(lock, [&] { return (tenant = Next()) != nullptr || ending_; });
+    if (tenant == nullptr) return;
+    std::function<void()> task = std::move(tenant->tasks.front());
+    tenant->tasks.pop_front();
+    ++tenant->running;
+    tenant->last_begin = ++begun_;
     lock.unlock();
     task();
     task = nullptr;
     lock.lock();
+    --tenant->running;
+    std::erase_if(tenants_, [](const auto& each) { return each.second.tasks.empty() && each.second.running == 0; });
   }
 }
 

@@ -10,10 +10,16 @@ class UnaryCall : public Call {
 
  private:
   void OnMessage(ReceivedMessagePtr message) override {
-    threads_->Post([self = shared_from_this(), this, message = std::move(message)] {
-      const auto response = handler_(info(), *message);
-      response.ok() ? EndWith(**response) : End(response.status());
+    if (threads_ == nullptr) return Answer(*message);
+    threads_->Post(info().caller.tenant, [self = shared_from_this(), this, message = std::move(message)] {
+      if (info().context->IsCancelled()) return End(absl::CancelledError("the caller is gone"));
+      Answer(*message);
     });
+  }
+
+  void Answer(ReceivedMessage& message) {
+    const auto response = handler_(info(), message);
+    response.ok() ? EndWith(**response) : End(response.status());
   }
 
   TaskThreads* const threads_;

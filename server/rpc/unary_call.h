@@ -11,11 +11,11 @@
 
 namespace planish {
 
-// Runs on one of the task threads: the response to `message`, or an error.
+// The response to `message`, or an error. Runs on a task thread, unless the call was cancelled before.
 using UnaryHandler = std::function<absl::StatusOr<std::unique_ptr<google::protobuf::Message>>(
     const CallInfo&, ReceivedMessage& message)>;
 
-// A maker of calls that `handler` answers. `threads` outlives them.
+// A maker of calls that `handler` answers. `threads` outlives them; null: `handler` runs at once, on gRPC's thread.
 CallMaker MakeUnaryCalls(TaskThreads* threads, UnaryHandler handler);
 
 // A handler that is given the parsed request. `Response handle(const CallInfo&, Request*)`, as absl::StatusOr.

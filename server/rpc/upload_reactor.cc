@@ -63,7 +63,7 @@ class UploadReactor : public Call, public Interruptible {
       if (finished_) return;  // Interrupt() ended the read
       busy_ = true;
     }
-    tasks_->Post([self = Self(), message = std::move(message)] {
+    tasks_->Post(info().caller.tenant, [self = Self(), message = std::move(message)] {
       message != nullptr ? self->Append(*message) : self->Conclude(self->Answer());
     });
   }

@@ -13,14 +13,14 @@ namespace {
 // The log and the alarm hold weak pointers only.
 class WaitReactor : public Call {
  public:
-  WaitReactor(CallInfo call, WaitOpener open, TaskThreads* tasks)
-      : Call(std::move(call)), open_(std::move(open)), tasks_(tasks) {}
+  WaitReactor(CallInfo call, WaitOpener open, TenantTasks tasks)
+      : Call(std::move(call)), open_(std::move(open)), tasks_(std::move(tasks)) {}
 
   void OnCancel() override { Settle(absl::CancelledError("the caller is gone")); }
 
  private:
   void OnMessage(ReceivedMessagePtr message) override {
-    tasks_->Post([self = Self(), message = std::move(message)] { self->Open(*message); });
+    tasks_.Post([self = Self(), message = std::move(message)] { self->Open(*message); });
   }
 
   void OnEnd() override { subscription_.reset(); }
@@ -28,6 +28,10 @@ class WaitReactor : public Call {
   std::shared_ptr<WaitReactor> Self() { return std::static_pointer_cast<WaitReactor>(shared_from_this()); }
 
   void Open(ReceivedMessage& message) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (settled_) return;  // the caller is gone
+    }
     absl::StatusOr<WaitedJob> wait = open_(info(), message);
     if (!wait.ok()) return Settle(wait.status());
     const std::weak_ptr<WaitReactor> weak = Self();
@@ -62,7 +66,7 @@ class WaitReactor : public Call {
       const std::lock_guard lock(mutex_);
       if (std::exchange(settled_, true)) return;
     }
-    tasks_->Post([self = Self(), status] { self->Answer(status); });
+    tasks_.Post([self = Self(), status] { self->Answer(status); });
   }
 
   void Answer(const absl::Status& status) {
@@ -72,7 +76,7 @@ class WaitReactor : public Call {
   }
 
   const WaitOpener open_;
-  TaskThreads* const tasks_;
+  const TenantTasks tasks_;
 
   std::mutex mutex_;
   // Guarded by mutex_; the subscription is dropped by OnEnd(), and what `get_` says is asked for once settled.
@@ -86,8 +90,8 @@ class WaitReactor : public Call {
 
 }  // namespace
 
-std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TaskThreads* tasks) {
-  return std::make_shared<WaitReactor>(std::move(info), std::move(open), tasks);
+std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TenantTasks tasks) {
+  return std::make_shared<WaitReactor>(std::move(info), std::move(open), std::move(tasks));
 }
 
 }  // namespace planish

@@ -23,7 +23,7 @@ struct WaitedJob {
 using WaitOpener = std::function<absl::StatusOr<WaitedJob>(const CallInfo&, ReceivedMessage& request)>;
 
 // Answers with what `get` says once the job has ended, its log was interrupted (that error instead), or the timeout has
-// passed. `tasks` outlive the call.
-std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TaskThreads* tasks);
+// passed. The threads of `tasks` outlive the call.
+std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TenantTasks tasks);
 
 }  // namespace planish

@@ -20,10 +20,11 @@ constexpr absl::Duration kUnpacedInterval = absl::Milliseconds(20);
 template <class Response>
 class WatchReactor : public Call {
  public:
-  WatchReactor(CallInfo call, JobOpener open, const StreamSurroundings& surroundings)
+  WatchReactor(CallInfo call, JobOpener open, StreamTasks tasks, const StreamSurroundings& surroundings)
       : Call(std::move(call)),
         deadline_(DeadlineOf(*info().context)),
         open_(std::move(open)),
+        tasks_(std::move(tasks)),
         surroundings_(surroundings) {}
 
   ~WatchReactor() override {
@@ -53,7 +54,7 @@ class WatchReactor : public Call {
   void OnMessage(ReceivedMessagePtr message) override {
     surroundings_.streams->Add();
     is_counted_ = true;
-    surroundings_.tasks->Post([self = Self(), message = std::move(message)] { self->Open(*message); });
+    tasks_.open_on.Post([self = Self(), message = std::move(message)] { self->Open(*message); });
   }
 
   void OnEnd() override {
@@ -64,6 +65,12 @@ class WatchReactor : public Call {
   std::shared_ptr<WatchReactor> Self() { return std::static_pointer_cast<WatchReactor>(shared_from_this()); }
 
   void Open(ReceivedMessage& message) {
+    bool is_gone = false;
+    {
+      const std::lock_guard lock(mutex_);
+      is_gone = gone_;
+    }
+    if (is_gone) return End(absl::CancelledError("the caller is gone"));
     absl::StatusOr<OpenedJob> opened = open_(info(), message);
     if (!opened.ok()) return End(opened.status());
     const std::weak_ptr<WatchReactor> weak = Self();
@@ -83,7 +90,7 @@ class WatchReactor : public Call {
     Pump();
   }
 
-  // On a task thread: to release a job takes the manager's lock, which gRPC's own threads must not wait for.
+  // On a task thread: releasing a job writes to the store, which gRPC's own threads must not wait for.
   void Detach() {
     const auto released = std::make_shared<JobAttachment>();
     Parting parting = HasPassed(deadline_) ? Parting::kForGood : Parting::kMayReturn;
@@ -93,7 +100,7 @@ class WatchReactor : public Call {
       if (stream_.has_value() && stream_->job_ended()) parting = Parting::kJobEnded;
     }
     if (released->empty()) return;
-    surroundings_.tasks->Post([released, parting] { released->Release(parting); });
+    tasks_.release_on.Post([released, parting] { released->Release(parting); });
   }
 
   // Starts the next operation if none is under way. Any thread.
@@ -159,6 +166,7 @@ class WatchReactor : public Call {
 
   const std::optional<absl::Time> deadline_;
   const JobOpener open_;
+  const StreamTasks tasks_;
   const StreamSurroundings surroundings_;
   bool is_counted_ = false;  // among the streams; from OnMessage() on
 
@@ -178,12 +186,16 @@ class WatchReactor : public Call {
 
 }  // namespace
 
-std::shared_ptr<Call> StreamUnwrap(CallInfo info, JobOpener open, const StreamSurroundings& surroundings) {
-  return std::make_shared<WatchReactor<v1::UnwrapResponse>>(std::move(info), std::move(open), surroundings);
+std::shared_ptr<Call> StreamUnwrap(CallInfo info, JobOpener open, StreamTasks tasks,
+                                   const StreamSurroundings& surroundings) {
+  return std::make_shared<WatchReactor<v1::UnwrapResponse>>(std::move(info), std::move(open), std::move(tasks),
+                                                            surroundings);
 }
 
-std::shared_ptr<Call> StreamWatchJob(CallInfo info, JobOpener open, const StreamSurroundings& surroundings) {
-  return std::make_shared<WatchReactor<v1::WatchJobResponse>>(std::move(info), std::move(open), surroundings);
+std::shared_ptr<Call> StreamWatchJob(CallInfo info, JobOpener open, StreamTasks tasks,
+                                     const StreamSurroundings& surroundings) {
+  return std::make_shared<WatchReactor<v1::WatchJobResponse>>(std::move(info), std::move(open), std::move(tasks),
+                                                              surroundings);
 }
 
 }  // namespace planish

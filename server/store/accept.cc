@@ -4,6 +4,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -100,17 +101,18 @@ RowBatch Questions() {
       "SELECT {next_number}, coalesce((SELECT name FROM jobs WHERE name = column1), "
       "(SELECT name FROM jobs WHERE tenant = column2 AND request_id = column3)), "
       "(SELECT work FROM jobs WHERE column5 = 0 AND work_key = column4 AND tenant = column2 AND ended = 0 "
-      "ORDER BY number DESC LIMIT 1), {now} FROM (VALUES {rows}) AS calls");
+      "ORDER BY number DESC LIMIT 1), {now}, column6 FROM (VALUES {rows}) AS calls");
 }
 
 absl::StatusOr<std::vector<Found>> Ask(JobTransaction* transaction, const std::vector<AcceptCall*>& calls) {
   RowBatch questions = Questions();
+  std::int64_t place = 0;
   for (const AcceptCall* call : calls) {
     const JobRecord& record = call->job.record;
     SqlValue request_id;
     if (!record.request_id().empty()) request_id = std::string_view(record.request_id());
     questions.Add({std::string_view(record.job().name()), std::string_view(record.job().tenant()), request_id,
-                   SqlBytes{record.work_key()}, std::int64_t{record.job().scheduling().fresh()}});
+                   SqlBytes{record.work_key()}, std::int64_t{record.job().scheduling().fresh()}, place++});
   }
   std::deque<SqlRows> answers;
   PLANISH_RETURN_IF_ERROR(questions.Send(&transaction->sql(), &answers));
@@ -119,7 +121,7 @@ absl::StatusOr<std::vector<Found>> Ask(JobTransaction* transaction, const std::v
   for (const SqlRows& rows : answers) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       found.push_back({calls[found.size()], rows.Int(i, 0), rows.Bytes(i, 1), rows.Bytes(i, 2)});
-      transaction->SetLeaseNow(rows.Int(i, 3));
+      transaction->SetNow(rows.Int(i, 3));
     }
   }
   // Work is locked in one order everywhere, so that no two transactions wait for each other.
@@ -138,8 +140,11 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
   change.record = job.record;
   change.record.set_work(asked.name());
   change.record.set_number(found.number);
-  if (!asked.has_create_time()) {
-    *change.record.mutable_job()->mutable_create_time() = ToTimestamp(transaction->context().now);
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t nanoseconds, transaction->Now());
+  const absl::Time now = absl::FromUnixNanos(nanoseconds);
+  if (!asked.has_create_time()) *change.record.mutable_job()->mutable_create_time() = ToTimestamp(now);
+  if (job.record.attached() && job.callers_for > absl::ZeroDuration()) {
+    *change.record.mutable_callers_until() = ToTimestamp(now + job.callers_for);
   }
   std::optional<LockedWork> others;
   if (!result.has_value() && !found.work.empty()) {
@@ -196,6 +201,39 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
   return transaction->WriteEvents(&change);
 }
 
+// Takes the first calls that have no key in common: each of them finds what was accepted in the rounds before.
+std::vector<AcceptCall*> TakeRound(std::vector<AcceptCall*>* left) {
+  std::vector<AcceptCall*> round, later;
+  std::set<std::string_view> taken;
+  for (AcceptCall* const call : *left) {
+    const bool shares =
+        std::any_of(call->keys.begin(), call->keys.end(), [&](const std::string& key) { return taken.contains(key); });
+    taken.insert(call->keys.begin(), call->keys.end());
+    (shares ? later : round).push_back(call);
+  }
+  *left = std::move(later);
+  return round;
+}
+
+absl::Status AcceptRound(JobTransaction* transaction, const std::vector<Found>& all, FairAccounts* accounts) {
+  for (const Found& found : all) {
+    std::optional<JobRecord> result;
+    if (!found.same.empty()) {  // needs no room
+      absl::StatusOr<JobRow> known = transaction->Find(found.same);
+      if (absl::IsNotFound(known.status()))
+        return StoreUnavailable("a job with its request id has just gone; try again");
+      PLANISH_RETURN_IF_ERROR(known.status());
+      found.call->accepted.change.record = std::move(known->record);
+      continue;
+    }
+    if (!found.call->job.result_of.empty() && !found.call->job.record.job().scheduling().fresh()) {
+      PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, found.call->job));
+    }
+    PLANISH_RETURN_IF_ERROR(AcceptOne(transaction, found, std::move(result), accounts));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::vector<std::string> KeysOf(const NewJob& job) {
@@ -216,22 +254,13 @@ absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*
   PLANISH_RETURN_IF_ERROR(transaction->sql().Serialize(keys));
   AccountsToRead read(transaction, recent);
   PLANISH_RETURN_IF_ERROR(read.Ask(calls));
-  PLANISH_ASSIGN_OR_RETURN(const std::vector<Found> all, Ask(transaction, calls));
-  FairAccounts accounts = read.Take();
-  for (const Found& found : all) {
-    std::optional<JobRecord> result;
-    if (!found.same.empty()) {  // needs no room
-      absl::StatusOr<JobRow> known = transaction->Find(found.same);
-      if (absl::IsNotFound(known.status()))
-        return StoreUnavailable("a job with its request id has just gone; try again");
-      PLANISH_RETURN_IF_ERROR(known.status());
-      found.call->accepted.change.record = std::move(known->record);
-      continue;
-    }
-    if (!found.call->job.result_of.empty() && !found.call->job.record.job().scheduling().fresh()) {
-      PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, found.call->job));
-    }
-    PLANISH_RETURN_IF_ERROR(AcceptOne(transaction, found, std::move(result), &accounts));
+  std::optional<FairAccounts> accounts;
+  for (std::vector<AcceptCall*> left = calls; !left.empty();) {
+    const std::vector<AcceptCall*> round = TakeRound(&left);
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<Found> all, Ask(transaction, round));
+    if (!accounts.has_value()) accounts = read.Take();
+    PLANISH_RETURN_IF_ERROR(AcceptRound(transaction, all, &*accounts));
+    if (!left.empty()) PLANISH_RETURN_IF_ERROR(transaction->FlushRows());
   }
   return absl::OkStatus();
 }

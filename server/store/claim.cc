@@ -37,7 +37,7 @@ class Claimer {
     PLANISH_RETURN_IF_ERROR(ReadUsageAndAccounts());
     wait_.gave_up = !sql_.HasTurn();
     if (wait_.gave_up) return absl::OkStatus();
-    PLANISH_ASSIGN_OR_RETURN(now_, transaction_.LeaseNow());
+    PLANISH_ASSIGN_OR_RETURN(now_, transaction_.Now());
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
       if (!work.has_value() || work->row.running) return absl::OkStatus();
@@ -68,7 +68,7 @@ class Claimer {
         "{elapsed} FROM works WHERE running = 1 AND owner = ?",
         {std::string_view(request_.owner)}, &usage));
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
-    transaction_.SetLeaseNow(usage.Int(0, 3));
+    transaction_.SetNow(usage.Int(0, 3));
     // All that was before is the wait for the turn.
     wait_.queued = absl::Nanoseconds(usage.Int(0, 4));
     running_ = usage.Int(0, 0);

@@ -41,6 +41,7 @@ TenantAccount& TenantAccount::operator+=(const TenantAccount& other) {
   received += other.received;
   ended += other.ended;
   result_bytes += other.result_bytes;
+  record_bytes += other.record_bytes;
   return *this;
 }
 

@@ -40,6 +40,7 @@ struct TenantAccount {
   std::int64_t received = 0;       // worker time of attempts that ended, over the tenant's share
   std::int64_t ended = 0;          // jobs in terminal states
   std::int64_t result_bytes = 0;   // of the UV of those that SUCCEEDED
+  std::int64_t record_bytes = 0;   // of the records, reports and events of those that ended
 
   TenantAccount& operator+=(const TenantAccount& other);
   bool operator==(const TenantAccount&) const = default;

@@ -13,6 +13,9 @@
 namespace planish {
 namespace {
 
+// A word of statements, not a parameter: the indexes of results are partial.
+constexpr int kSucceeded = v1::JOB_STATE_SUCCEEDED;
+
 // SELECT of whole jobs WHERE `condition`.
 std::string JobsWhere(const std::string& condition) {
   return absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ", condition);
@@ -63,11 +66,14 @@ absl::StatusOr<bool> UsesBlobIn(SqlConnection* sql, const BlobId& id) {
   PLANISH_ASSIGN_OR_RETURN(
       const SqlRows rows,
       sql->Run(
-          "SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
-          "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND seams_sha256 != '' AND tenant = ? UNION ALL "
-          "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND uv_sha256 != '' AND tenant = ? AND state = ? LIMIT "
-          "1",
-          {sha256, tenant, sha256, tenant, sha256, tenant, std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+          absl::StrCat(
+              "SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
+              "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND seams_sha256 != '' AND tenant = ? UNION ALL "
+              "SELECT 1 FROM jobs WHERE ended = 1 AND {outcome} = ",
+              kSucceeded,
+              " AND uv_sha256 = ? AND uv_sha256 != '' "
+              "AND tenant = ? LIMIT 1"),
+          {sha256, tenant, sha256, tenant, sha256, tenant}));
   return !rows.empty();
 }
 
@@ -104,8 +110,9 @@ absl::StatusOr<std::optional<JobRecord>> JobQuestions::FindByRequestId(const std
 }
 
 absl::StatusOr<std::optional<JobRecord>> JobQuestions::FindResult(const std::string& work_key) {
-  static const std::string sql = JobsWhere("work_key = ? AND state = ? ORDER BY number DESC LIMIT 1");
-  return One(sql, {SqlBytes{work_key}, std::int64_t{v1::JOB_STATE_SUCCEEDED}});
+  static const std::string sql = JobsWhere(
+      absl::StrCat("work_key = ? AND ended = 1 AND {outcome} = ", kSucceeded, " ORDER BY number DESC LIMIT 1"));
+  return One(sql, {SqlBytes{work_key}});
 }
 
 absl::StatusOr<std::vector<JobRecord>> JobQuestions::List(const JobQuery& query) {
@@ -135,7 +142,7 @@ absl::StatusOr<JobTotals> JobQuestions::Totals() {
   PLANISH_ASSIGN_OR_RETURN(const FairAccounts accounts, ReadAccounts(connection.get(), /*all=*/true));
   JobTotals totals;
   for (const auto& [tenant, account] : accounts.tenants) {
-    totals.tenants[tenant] = {account.ended, account.result_bytes};
+    totals.tenants[tenant] = {account.ended, account.result_bytes, account.record_bytes};
   }
   return totals;
 }
@@ -145,7 +152,13 @@ absl::StatusOr<FairAccounts> JobQuestions::Accounts() {
   return ReadAccounts(connection.get());
 }
 
-absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
+absl::StatusOr<absl::Time> JobQuestions::Now(const StoreClock& clock) {
+  if (clock != nullptr) return clock();
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows now, Ask("SELECT {now}", {}));
+  return absl::FromUnixNanos(now.Int(0, 0));
+}
+
+absl::StatusOr<QueueState> JobQuestions::Queue(const StoreClock& clock) {
   static const std::string all = absl::StrCat("SELECT ", kWorkColumns, " FROM works");
   PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
   QueueState state;
@@ -153,7 +166,7 @@ absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
   PLANISH_ASSIGN_OR_RETURN(const SqlRows works, connection->Run(all, {}));
   state.works = WorkRowsOf(works);
   const VerbContext context;
-  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, JobTransaction(connection.get(), &context, &clock).LeaseNow());
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, JobTransaction(connection.get(), &context, &clock).Now());
   state.now = absl::FromUnixNanos(now);
   return state;
 }

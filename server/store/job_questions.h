@@ -29,7 +29,8 @@ class JobQuestions : public BlobRows {
   absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
   absl::StatusOr<JobTotals> Totals();
   absl::StatusOr<FairAccounts> Accounts();
-  absl::StatusOr<QueueState> Queue(const LeaseClock& clock);
+  absl::StatusOr<absl::Time> Now(const StoreClock& clock);
+  absl::StatusOr<QueueState> Queue(const StoreClock& clock);
   absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner);
   absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key);
   absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);

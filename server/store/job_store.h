@@ -15,13 +15,14 @@
 // age and priority.
 //
 // Limits of time. What a job may take and how long it waits for callers that are gone stands in its record; whoever
-// calls EndOverdue() sees to it, by VerbContext::now.
+// calls EndOverdue() sees to it.
 //
 // News. Whoever subscribes hears of changes by all processes, soon, and not of each for sure: look at the store every
 // few seconds as well.
 //
-// Clocks. Times in records are `VerbContext::now` of whoever asks. Leases go by one clock for all (JobStoreOptions), so
-// that a machine whose clock jumps neither loses nor takes one.
+// Clock. Everything goes by one clock, that of the store (Now()): the times in records and events, leases, limits of
+// time, and what is old enough to go. So the clocks of the machines that use a store decide nothing. Callers give
+// durations, never times.
 //
 // Answers that are lost. After UNAVAILABLE a verb may have been done. Each may be repeated: Accept() finds the job by
 // its name, Finish() says LEASE_LOST, what Claim() took is lost when its lease ends, and all others have no further
@@ -54,11 +55,8 @@ using JobRecord = store::v1::JobRecord;
 
 // Of whoever asks.
 struct VerbContext {
-  absl::Time now;                                           // for the records, unless there is a clock
   absl::Duration retained_time = absl::InfiniteDuration();  // Job.expire_time of those that succeed
   int max_attempts = 3;                                     // that a job may lose with their worker or server
-  // Gives `now` once the transaction has begun, so that those that wait for each other have times in their order.
-  std::function<absl::Time()> clock = nullptr;
 };
 
 // What a verb made of one job.
@@ -107,7 +105,7 @@ struct WorkRow {
 struct QueueState {
   FairAccounts accounts;
   std::vector<WorkRow> works;  // in no order
-  absl::Time now;              // by the clock of leases
+  absl::Time now;
 };
 
 struct NewJob {
@@ -116,6 +114,7 @@ struct NewJob {
   JobRecord record;
   absl::Duration run_time;            // that its work is expected to take; 0: not known
   std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
+  absl::Duration callers_for;         // of a record that is attached: JobRecord.callers_until, from now on
   std::vector<BlobRow> blobs;         // small ones that it refers to
   // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
   std::string result_of;
@@ -198,6 +197,7 @@ struct JobQuery {
 struct TenantTotals {
   std::int64_t ended = 0;         // jobs in terminal states
   std::int64_t result_bytes = 0;  // of the UV of those that SUCCEEDED
+  std::int64_t record_bytes = 0;  // of the records, reports and events of those that ended
 };
 
 struct JobTotals {
@@ -214,6 +214,9 @@ class JobStore {
   // Of this store, the same after a restart.
   virtual const std::string& id() const = 0;
 
+  // By the store's clock.
+  virtual absl::StatusOr<absl::Time> Now() = 0;
+
   // Whether other processes may use it at the same time.
   virtual bool is_shared() const = 0;
 
@@ -223,6 +226,9 @@ class JobStore {
   // may differ: that is the caller's to refuse). Transactions of several processes at the same moment may exceed
   // NewJob::limits by one each.
   virtual absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) = 0;
+  // The same for several jobs, which are committed together, in their order. The answers are in the same order.
+  virtual std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context,
+                                                                std::vector<NewJob> jobs) = 0;
 
   // Ends a job that nobody works at, or whose work goes on for others: CANCELLED, or FAILED with DEADLINE_EXCEEDED. One
   // whose worker has to answer first is STOPPING until Finish(). No effect on a job that ended, or was ended so before.
@@ -236,8 +242,9 @@ class JobStore {
                                          const google::rpc::Status& error, bool forget) = 0;
   // The job no longer belongs to its callers (JobRecord.attached).
   virtual absl::StatusOr<JobChange> Detach(const std::string& name) = 0;
-  // JobRecord.callers_until of those jobs that have not ended and belong to callers; durable later.
-  virtual absl::Status SetCallersUntil(const std::vector<std::string>& names, absl::Time until) = 0;
+  // The callers of those jobs that have not ended and belong to callers are known to be there for `time` from now on
+  // (JobRecord.callers_until); durable later.
+  virtual absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time) = 0;
 
   // ---- verbs of those who run work
 
@@ -324,8 +331,8 @@ class JobStore {
 };
 
 struct JobStoreOptions {
-  // By which leases end. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
-  std::function<absl::Time()> lease_clock;
+  // The store's. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
+  std::function<absl::Time()> clock;
 };
 
 // The store of any database that speaks SqlConnection's dialect.

@@ -1,6 +1,7 @@
 #include "server/store/job_transaction.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "google/protobuf/util/time_util.h"
 #include "server/access/caller.h"
 #include "server/link/rpc_status.h"
+#include "server/store/endings.h"
 
 namespace planish {
 namespace {
@@ -109,6 +111,21 @@ std::int64_t ResultBytes(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_SUCCEEDED ? record.job().uv().total_bytes() : 0;
 }
 
+// What an ended job takes beside its blobs, roughly. Old progress of long work was dropped.
+std::int64_t KeptBytes(const JobRecord& record) {
+  constexpr std::int64_t kRows = 1024;  // columns and entries of indexes
+  const double kept = std::min(1.0, 2.0 * kKeptProgress / static_cast<double>(record.last_sequence()));
+  return kRows + static_cast<std::int64_t>(record.ByteSizeLong()) +
+         std::llround(kept * static_cast<double>(record.event_bytes()));
+}
+
+// Reports are counted with the record.
+void NoteEventBytes(const v1::JobEvent& event, JobRecord* record) {
+  std::size_t bytes = event.ByteSizeLong();
+  if (event.job().has_report()) bytes -= event.job().report().ByteSizeLong();
+  record->set_event_bytes(record->event_bytes() + static_cast<std::int64_t>(bytes));
+}
+
 }  // namespace
 
 absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t column) {
@@ -124,6 +141,7 @@ absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t 
   job.had_request_id = !record.request_id().empty();
   job.due = rows.Int(i, column + 1);
   job.result_bytes = ResultBytes(record);
+  job.record_bytes = record.kept_bytes();
   job.standing.ended = IsTerminal(record.job().state());
   return job;
 }
@@ -153,24 +171,11 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows, std::int
   return events;
 }
 
-JobLimitTimes LimitTimesOf(const JobRecord& record) {
-  const v1::Job& job = record.job();
-  JobLimitTimes times;
-  if (IsTerminal(job.state()) || IsEndWanted(record)) return times;
-  if (record.attached() && record.has_callers_until()) times.callers = TimeOf(record.callers_until());
-  const v1::Scheduling& limits = job.scheduling();
-  if (limits.has_timeout()) times.timeout = TimeOf(job.create_time()) + DurationOf(limits.timeout());
-  if (limits.has_compute_budget() && job.state() == v1::JOB_STATE_RUNNING && !job.stop_requested()) {
-    times.budget = TimeOf(job.start_time()) + DurationOf(limits.compute_budget());
-  }
-  return times;
-}
-
 std::int64_t LockedWork::Size() const {
   return std::count_if(jobs.begin(), jobs.end(), [](const JobRow& job) { return !job.standing.ended; });
 }
 
-JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock)
+JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* context, const StoreClock* clock)
     : sql_(*connection),
       context_(*context),
       clock_(*clock),
@@ -182,7 +187,7 @@ JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* con
       events_(RowBatch::Of("INSERT INTO events (job, sequence, event, kind) VALUES {rows}")),
       works_(WorkUpdates()) {}
 
-absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
+absl::StatusOr<std::int64_t> JobTransaction::Now() {
   if (now_.has_value()) return *now_;
   if (clock_ != nullptr) {
     now_ = absl::ToUnixNanos(clock_());
@@ -193,7 +198,7 @@ absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
   return *now_;
 }
 
-void JobTransaction::SetLeaseNow(std::int64_t database_now) {
+void JobTransaction::SetNow(std::int64_t database_now) {
   if (clock_ == nullptr && !now_.has_value()) now_ = database_now;
 }
 
@@ -213,7 +218,7 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
   PLANISH_RETURN_IF_ERROR(sql_.RunLater(wait ? waits : skips, {std::string_view(work)}, &rows));
   PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs({work}));
   if (rows.empty()) return std::nullopt;
-  SetLeaseNow(rows.Int(0, kWorkColumnCount));  // Settle() may need it
+  SetNow(rows.Int(0, kWorkColumnCount));  // Settle() may need it
   return LockedWorkOf(std::move(WorkRowsOf(rows).front()), std::move(jobs[work]));
 }
 
@@ -235,7 +240,7 @@ absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(
   std::vector<std::optional<LockedWork>> works(ordered.size());
   for (std::size_t i = 0; i < ordered.size(); ++i) {
     if (rows[i].empty()) continue;
-    SetLeaseNow(rows[i].Int(0, kWorkColumnCount));
+    SetNow(rows[i].Int(0, kWorkColumnCount));
     works[i] = LockedWorkOf(std::move(WorkRowsOf(rows[i]).front()), std::move(jobs[ordered[i].work]));
     works[i]->is_taken = true;
   }
@@ -310,7 +315,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   row.wish = WishOf(work->jobs);
   TenantAccount& account = accounts_.of(row.tenant);
   if (before.running && !row.running) {
-    PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, LeaseNow());
+    PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, Now());
     account.running -= 1;
     account.started -= before.start_time / 1'000'000;
     account.charged -= before.charge;
@@ -348,7 +353,7 @@ absl::Status JobTransaction::LiftIn(const FairAccounts& accounts, const std::str
   const auto found = accounts.tenants.find(tenant);
   TenantAccount& change = accounts_.of(tenant);
   if ((found != accounts.tenants.end() && found->second.waiting > 0) || change.waiting > 0) return absl::OkStatus();
-  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, LeaseNow());
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, Now());
   change.received += LiftOf(accounts, tenant, share, absl::FromUnixNanos(now));
   return absl::OkStatus();
 }
@@ -371,6 +376,11 @@ void JobTransaction::AddWork(const JobRow& job, absl::Duration run_time) {
 }
 
 absl::Status JobTransaction::Flush() {
+  PLANISH_RETURN_IF_ERROR(FlushRows());
+  return accounts_.Write(&sql_);
+}
+
+absl::Status JobTransaction::FlushRows() {
   std::vector<RowBatch*> batches = {&inserts_, &labels_, &new_works_};
   for (auto& [columns, batch] : saves_) batches.push_back(&batch);
   batches.insert(batches.end(), {&events_, &works_});
@@ -380,7 +390,8 @@ absl::Status JobTransaction::Flush() {
         "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
         {std::string_view(id.tenant), SqlBytes{id.sha256}, SqlBytes{bytes->bytes()}}));
   }
-  return accounts_.Write(&sql_);
+  blobs_.clear();
+  return absl::OkStatus();
 }
 
 void JobTransaction::Insert(JobRow* row) {
@@ -444,6 +455,7 @@ absl::Status JobTransaction::Delete(const std::vector<JobRow>& jobs) {
     TenantAccount& account = accounts_.of(job.record.job().tenant());
     account.ended -= 1;
     account.result_bytes -= job.result_bytes;
+    account.record_bytes -= job.record_bytes;
   }
   return absl::OkStatus();
 }
@@ -452,6 +464,7 @@ void JobTransaction::Account(const JobRow& row, const JobRecord& record) {
   TenantAccount& account = accounts_.of(record.job().tenant());
   account.ended += (IsTerminal(record.job().state()) ? 1 : 0) - (row.standing.ended ? 1 : 0);
   account.result_bytes += ResultBytes(record) - row.result_bytes;
+  account.record_bytes += record.kept_bytes() - row.record_bytes;
 }
 
 void JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
@@ -464,7 +477,9 @@ absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event) {
   record.set_last_sequence(last + 1);
   if (last + 1 > record.reserved_sequence()) record.set_reserved_sequence(last + 1 + kSequenceBlock);
   event.set_sequence(last + 1);
-  *event.mutable_time() = ToTimestamp(context_.now);
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, Now());
+  *event.mutable_time() = TimeUtil::NanosecondsToTimestamp(now);
+  NoteEventBytes(event, &record);
   change->events.push_back(std::move(event));
   return absl::OkStatus();
 }
@@ -502,12 +517,17 @@ absl::Status JobTransaction::Announce(JobChange* change) {
 
 absl::Status JobTransaction::Act(JobAction action, JobChange* change) {
   v1::Job* job = change->record.mutable_job();
-  PLANISH_RETURN_IF_ERROR(Advance(action, context_.now, job));
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, Now());
+  PLANISH_RETURN_IF_ERROR(Advance(action, absl::FromUnixNanos(now), job));
   if (job->state() == v1::JOB_STATE_SUCCEEDED && context_.retained_time < absl::InfiniteDuration()) {
-    *job->mutable_expire_time() = ToTimestamp(context_.now + context_.retained_time);
+    *job->mutable_expire_time() = ToTimestamp(TimeOf(job->end_time()) + context_.retained_time);
   }
   if (IsTerminal(job->state())) change->record.clear_owner();
-  return Announce(change);
+  PLANISH_RETURN_IF_ERROR(Announce(change));
+  if (IsTerminal(job->state()) && action != JobAction::kExpire) {
+    change->record.set_kept_bytes(KeptBytes(change->record));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status JobTransaction::Fail(const google::rpc::Status& error, JobChange* change) {

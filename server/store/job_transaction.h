@@ -40,6 +40,7 @@ struct JobRow {
   bool had_request_id = false;    // when it was read
   std::int64_t due = 0;           // likewise
   std::int64_t result_bytes = 0;  // likewise: TenantAccount::result_bytes
+  std::int64_t record_bytes = 0;  // likewise: TenantAccount::record_bytes
 };
 
 // Work that nobody else changes before the transaction ends, and all of its jobs that have not ended, in the order they
@@ -74,14 +75,14 @@ inline bool IsEndWanted(const JobRecord& record) {
   return record.timed_out() || record.job().cancel_requested();
 }
 
-// By which leases end. Null: the database's own clock.
-using LeaseClock = std::function<absl::Time()>;
+// The store's. Null: the database's own clock.
+using StoreClock = std::function<absl::Time()>;
 
 // Not thread-safe; lives as long as the transaction. Errors as of SqlConnection.
 class JobTransaction {
  public:
   // All outlive the object.
-  JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock);
+  JobTransaction(SqlConnection* connection, const VerbContext* context, const StoreClock* clock);
 
   SqlConnection& sql() { return sql_; }
   const VerbContext& context() const { return context_; }
@@ -89,10 +90,10 @@ class JobTransaction {
   // What becomes known when the transaction is committed.
   StoreNews& news() { return news_; }
 
-  // Nanoseconds since 1970 by the clock of leases, once for the whole transaction.
-  absl::StatusOr<std::int64_t> LeaseNow();
+  // Nanoseconds since 1970 by the store's clock, once for the whole transaction.
+  absl::StatusOr<std::int64_t> Now();
   // {now}, where a statement has it beside what it was asked for.
-  void SetLeaseNow(std::int64_t database_now);
+  void SetNow(std::int64_t database_now);
 
   // The job, which ended or whose work is not locked; NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
@@ -124,6 +125,8 @@ class JobTransaction {
   void AddWork(const JobRow& job, absl::Duration run_time);
   // Writes what was changed, the accounts last. What is there before is read as it was.
   absl::Status Flush();
+  // Writes all that but the accounts, so that the same transaction reads it as it is now.
+  absl::Status FlushRows();
 
   // Adds a job with its labels, under the number that it has.
   void Insert(JobRow* row);
@@ -167,7 +170,7 @@ class JobTransaction {
 
   SqlConnection& sql_;
   const VerbContext& context_;
-  const LeaseClock& clock_;
+  const StoreClock& clock_;
   std::optional<std::int64_t> now_;
   AccountChanges accounts_;
   StoreNews news_;
@@ -177,15 +180,5 @@ class JobTransaction {
   RowBatch events_, works_;
   std::map<BlobId, BlobPtr> blobs_;
 };
-
-// When the job is to be ended or stopped; the infinite future: never.
-struct JobLimitTimes {
-  absl::Time callers = absl::InfiniteFuture();  // nobody waits for it any more
-  absl::Time timeout = absl::InfiniteFuture();  // Scheduling.timeout
-  absl::Time budget = absl::InfiniteFuture();   // Scheduling.compute_budget
-
-  absl::Time First() const { return std::min({callers, timeout, budget}); }
-};
-JobLimitTimes LimitTimesOf(const JobRecord& record);
 
 }  // namespace planish

@@ -22,7 +22,7 @@ struct AcceptCall {
   AcceptedChange accepted;
 };
 
-// JobStore::Accept of calls that have no key in common.
+// JobStore::Accept of several calls, in their order as far as they have a key in common.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent);
 
 // JobStore::Claim. `claimed` is empty, `wait` may be null.

@@ -86,9 +86,14 @@ absl::Status Advance(JobAction action, absl::Time now, v1::Job* job) {
                      job->name() + " is " + StateName(job->state()) + " and cannot " + Name(action));
   }
   job->set_state(*next);
-  if (action == JobAction::kStart) *job->mutable_start_time() = ToTimestamp(now);
+  // A clock that was set back makes no duration negative.
+  google::protobuf::Timestamp time = ToTimestamp(now);
+  for (const google::protobuf::Timestamp& before : {job->create_time(), job->start_time()}) {
+    if (before > time) time = before;
+  }
+  if (action == JobAction::kStart) *job->mutable_start_time() = time;
   if (action == JobAction::kRequeue) job->clear_start_time();
-  if (IsTerminal(*next) && action != JobAction::kExpire) *job->mutable_end_time() = ToTimestamp(now);
+  if (IsTerminal(*next) && action != JobAction::kExpire) *job->mutable_end_time() = time;
   return absl::OkStatus();
 }
 

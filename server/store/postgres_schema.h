@@ -118,6 +118,14 @@ inline constexpr const char* kPostgresMigrations[] = {
         RETURN QUERY SELECT * FROM jobs WHERE work = work_name AND ended = 0;
       END $$;
     )sql",
+    // What ended jobs take; indexes for the newest work and the newest result with one key, however many jobs had it.
+    R"sql(
+      ALTER TABLE tenants ADD COLUMN record_bytes BIGINT NOT NULL DEFAULT 0;
+      DROP INDEX jobs_by_work, jobs_by_uv;
+      CREATE INDEX jobs_by_live_key ON jobs (work_key, tenant, number) WHERE ended = 0;
+      CREATE INDEX jobs_by_result ON jobs (work_key, number) WHERE ended = 1 AND outcome = 4;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256, tenant) WHERE ended = 1 AND outcome = 4 AND uv_sha256 != '';
+    )sql",
 };
 
 // Transactions between TakeTurn() and their ends; the first of the tables turns_N. With four of them, claims held each

@@ -43,6 +43,14 @@ absl::Status ServerRegistry::Announce(const ServerEntry& server, absl::Duration 
   });
 }
 
+absl::StatusOr<ClockOffset> ServerRegistry::Compare(const std::function<absl::Time()>& clock) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  const absl::Time before = clock();
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows now, connection->Run("SELECT {now}", {}));
+  const absl::Duration half = (clock() - before) / 2;
+  return ClockOffset{before + half - absl::FromUnixNanos(now.Int(0, 0)), half};
+}
+
 absl::Status ServerRegistry::Withdraw(const std::string& name) {
   return Transact(database_, Durability::kLater, [&name](SqlConnection& sql) {
     return sql.RunLater("DELETE FROM servers WHERE name = ?", {std::string_view(name)});

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -21,6 +22,12 @@ struct ServerEntry {
   std::string version;            // of planishd
 };
 
+// How far one clock is ahead of another.
+struct ClockOffset {
+  absl::Duration ahead;  // negative: it is behind
+  absl::Duration error;  // that may be wrong by as much
+};
+
 // A row for each server, which ends unless it is announced again. Ends go by the database's clock. Thread-safe. Errors
 // as of SqlConnection.
 class ServerRegistry {
@@ -31,6 +38,8 @@ class ServerRegistry {
 
   // The server is there for `time` from now on. Durable later. Forgets servers whose time is over.
   absl::Status Announce(const ServerEntry& server, absl::Duration time);
+  // Of `clock` ahead of the database's.
+  absl::StatusOr<ClockOffset> Compare(const std::function<absl::Time()>& clock);
   // The server ends.
   absl::Status Withdraw(const std::string& name);
   // Those that are there, by name. Tells the database how many (SqlDatabase::SetProcesses).

@@ -5,7 +5,7 @@
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {with_jobs}    after FROM (SELECT ... {skip}) AS heads: each of these works beside each of its live jobs, AS jobs
 //                  (as they are once the work is locked)
-//   {next_number}  a number for a new job, above all earlier ones
+//   {next_number}  a number for a new job, above all earlier ones; `column6` of the statement counts such jobs
 //   {outcome}      the state of a job, where the statement says that it has ended
 //   {anywhere}     true of each row, where all rows of a small table are wanted: they are read as they lie
 //   {now}          the database's own time, nanoseconds since 1970; 0 without a clock (SqlDatabase::has_clock())

@@ -12,9 +12,8 @@
 #include "absl/time/clock.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
-#include "google/protobuf/util/time_util.h"
-#include "server/link/rpc_status.h"
 #include "server/store/call_groups.h"
+#include "server/store/endings.h"
 #include "server/store/job_questions.h"
 #include "server/store/job_store.h"
 #include "server/store/job_transaction.h"
@@ -29,32 +28,18 @@ namespace {
 constexpr int kAccepting = 2, kFinishing = 1;
 constexpr std::size_t kGroupedCalls = 16;
 
-// Another attempt at these jobs was lost.
-google::rpc::Status LossError(const AttemptOutcome::Loss& loss, int attempts) {
-  std::map<std::string, std::string> metadata = loss.metadata;
-  metadata["attempts"] = absl::StrCat(attempts);
-  const auto code = loss.reason == "OUT_OF_MEMORY" ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal;
-  return ToRpcStatus(
-      MakeError(code, loss.reason,
-                absl::StrCat(loss.message, attempts > 1 ? absl::StrCat(" (", attempts, " attempts)") : ""), metadata));
-}
-
-google::rpc::Status ServerCrashed(int attempts) {
-  return ToRpcStatus(MakeError(absl::StatusCode::kInternal, "SERVER_CRASHED",
-                               absl::StrCat("the server died while it ran the job (", attempts, " attempts)"),
-                               {{"attempts", absl::StrCat(attempts)}}));
-}
-
 class SqlJobStore : public JobStore {
  public:
   SqlJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options)
-      : database_(std::move(database)), clock_(std::move(options.lease_clock)), questions_(database_.get()) {
+      : database_(std::move(database)), clock_(std::move(options.clock)), questions_(database_.get()) {
     if (clock_ == nullptr && !database_->has_clock()) clock_ = absl::Now;
     database_->Listen([this](std::string_view message) { listeners_.Call(DecodeNews(message)); });
   }
 
   const std::string& id() const override { return database_->id(); }
   bool is_shared() const override { return database_->is_shared(); }
+
+  absl::StatusOr<absl::Time> Now() override { return questions_.Now(clock_); }
 
   // ---- callers
 
@@ -66,6 +51,25 @@ class SqlJobStore : public JobStore {
           return AcceptIn(&transaction, calls, &recent_accounts_);
         }));
     return std::move(call.accepted);
+  }
+
+  std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context, std::vector<NewJob> jobs) override {
+    std::vector<AcceptCall> calls;
+    std::vector<AcceptCall*> pointers;
+    calls.reserve(jobs.size());
+    for (NewJob& job : jobs) {
+      std::vector<std::string> keys = KeysOf(job);
+      calls.push_back({std::move(job), std::move(keys), {}, {}});
+      pointers.push_back(&calls.back());
+    }
+    ChangeAll(context, pointers, [&](JobTransaction& transaction, const std::vector<AcceptCall*>& together) {
+      return AcceptIn(&transaction, together, &recent_accounts_);
+    });
+    std::vector<absl::StatusOr<AcceptedChange>> answers;
+    for (AcceptCall& call : calls) {
+      call.status.ok() ? answers.emplace_back(std::move(call.accepted)) : answers.emplace_back(call.status);
+    }
+    return answers;
   }
 
   absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
@@ -96,10 +100,12 @@ class SqlJobStore : public JobStore {
     });
   }
 
-  absl::Status SetCallersUntil(const std::vector<std::string>& names, absl::Time until) override {
+  absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time) override {
     std::vector<std::string> ordered = names;
     std::sort(ordered.begin(), ordered.end());
     return Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
+      PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction.Now());
+      const absl::Time until = absl::FromUnixNanos(now) + time;
       for (const std::string& name : ordered) {
         absl::StatusOr<JobTransaction::Locked> locked = transaction.LockJob(name);
         if (absl::IsNotFound(locked.status())) continue;
@@ -221,7 +227,7 @@ class SqlJobStore : public JobStore {
     };
     // In the order of the index of what runs: without one PostgreSQL may walk through all that wait.
     const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
-      PLANISH_ASSIGN_OR_RETURN(now, transaction.LeaseNow());
+      PLANISH_ASSIGN_OR_RETURN(now, transaction.Now());
       if (!sole_owner.empty()) {
         return transaction.sql().Run(
             "SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
@@ -251,9 +257,10 @@ class SqlJobStore : public JobStore {
   }
 
   absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) override {
-    const auto works = [&](JobTransaction& transaction) {
+    const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
+      PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction.Now());
       return transaction.sql().Run("SELECT work FROM jobs WHERE ended = 0 AND due <= ? ORDER BY due LIMIT ?",
-                                   {absl::ToUnixNanos(context.now), most});
+                                   {now, most});
     };
     return ForWorks(context, works, EndIfOverdue);
   }
@@ -265,7 +272,9 @@ class SqlJobStore : public JobStore {
           transaction.sql().Run("SELECT 1 FROM jobs WHERE name = ? {lock}", {std::string_view(name)}).status());
       PLANISH_ASSIGN_OR_RETURN(JobRow row, transaction.Find(name));
       change = {std::move(row.record), {}};
-      if (!Advance(JobAction::kExpire, context.now, change.record.mutable_job()).ok()) return absl::OkStatus();
+      PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction.Now());
+      const absl::Time time = absl::FromUnixNanos(now);
+      if (!Advance(JobAction::kExpire, time, change.record.mutable_job()).ok()) return absl::OkStatus();
       change.record.clear_request_id();  // a caller that asks again wants UV
       transaction.Save(&row, &change.record);
       return absl::OkStatus();
@@ -367,9 +376,7 @@ class SqlJobStore : public JobStore {
                       const std::function<absl::Status(JobTransaction&)>& body) {
     StoreNews news;
     const absl::Status status = Transact(database_.get(), durability, [&](SqlConnection& sql) -> absl::Status {
-      VerbContext present = context;
-      if (context.clock != nullptr) present.now = context.clock();
-      JobTransaction transaction(&sql, &present, &clock_);
+      JobTransaction transaction(&sql, &context, &clock_);
       PLANISH_RETURN_IF_ERROR(body(transaction));
       PLANISH_RETURN_IF_ERROR(transaction.Flush());
       news = std::move(transaction.news());
@@ -424,20 +431,22 @@ class SqlJobStore : public JobStore {
     return changes;
   }
 
-  // Where many may ask at the same time, what comes meanwhile goes by one transaction. If that fails for another reason
-  // than that the database is away, each goes by its own.
+  // What comes while others are at it goes by one transaction.
   template <class Call, class OnCalls>
   absl::Status ChangeTogether(const VerbContext& context, CallGroups<Call>* groups, Call* call, const OnCalls& body) {
+    groups->Run(call, [&](const std::vector<Call*>& calls) { ChangeAll(context, calls, body); });
+    return call->status;
+  }
+
+  // All calls by one transaction, or if that fails for another reason than that the database is away, each by its own.
+  template <class Call, class OnCalls>
+  void ChangeAll(const VerbContext& context, const std::vector<Call*>& all, const OnCalls& body) {
     const auto change = [&](const std::vector<Call*>& calls) {
       return Change(context, Durability::kNow, [&](JobTransaction& transaction) { return body(transaction, calls); });
     };
-    if (!database_->is_shared()) return change({call});
-    groups->Run(call, [&](const std::vector<Call*>& calls) {
-      const absl::Status status = change(calls);
-      const bool alone = calls.size() == 1 || status.ok() || absl::IsUnavailable(status);
-      for (Call* const each : calls) each->status = alone ? status : change({each});
-    });
-    return call->status;
+    const absl::Status status = change(all);
+    const bool alone = all.size() == 1 || status.ok() || absl::IsUnavailable(status);
+    for (Call* const each : all) each->status = alone ? status : change({each});
   }
 
   // Of attempts that were not lost: all their jobs end.
@@ -505,70 +514,13 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::int64_t> LeaseUntil(JobTransaction* transaction, absl::Duration lease) const {
     if (lease == absl::InfiniteDuration()) return std::numeric_limits<std::int64_t>::max();
-    PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction->LeaseNow());
+    PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction->Now());
     return now + absl::ToInt64Nanoseconds(lease);
-  }
-
-  static absl::Status AddProgress(JobTransaction* transaction, const std::vector<v1::Progress>& progress,
-                                  JobChange* change) {
-    for (const v1::Progress& news : progress) {
-      v1::JobEvent event;
-      *event.mutable_progress() = news;
-      PLANISH_RETURN_IF_ERROR(transaction->AddEvent(change, std::move(event)));
-    }
-    return absl::OkStatus();
-  }
-
-  static absl::Status EndIfOverdue(JobTransaction& transaction, const LockedWork& work, JobChange* change) {
-    const absl::Time now = transaction.context().now;
-    const JobRecord& record = change->record;
-    const JobLimitTimes limits = LimitTimesOf(record);
-    if (now >= limits.callers) return transaction.EndEarly(work, EarlyEnd::kCancel, /*forget=*/true, change);
-    if (now >= limits.timeout) return transaction.EndEarly(work, EarlyEnd::kTimeout, /*forget=*/false, change);
-    return now >= limits.budget ? transaction.Stop(change) : absl::OkStatus();
-  }
-
-  // What the worker delivered becomes of one of its jobs.
-  static absl::Status Deliver(JobTransaction* transaction, const AttemptOutcome& outcome, JobChange* change) {
-    const auto code = static_cast<absl::StatusCode>(outcome.status.code());
-    const bool ended_well = code == absl::StatusCode::kOk || code == absl::StatusCode::kCancelled;
-    if (change->record.timed_out() || ended_well) {
-      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction->EndIfWanted(change));
-      if (ended) return absl::OkStatus();
-    }
-    if (code == absl::StatusCode::kCancelled) {
-      return transaction->Fail(ToRpcStatus(InternalError("the worker cancelled a job that nobody cancelled")), change);
-    }
-    if (code != absl::StatusCode::kOk) return transaction->Fail(outcome.status, change);
-    v1::Job* job = change->record.mutable_job();
-    *job->mutable_report() = outcome.report;
-    *job->mutable_report()->mutable_times()->mutable_queue() = job->start_time() - job->create_time();
-    *job->mutable_uv() = outcome.uv;
-    return transaction->Act(JobAction::kSucceed, change);
-  }
-
-  static absl::Status Lose(JobTransaction* transaction, const AttemptOutcome::Loss& loss, JobChange* change) {
-    JobRecord& record = change->record;
-    record.set_crashes(record.crashes() + 1);
-    PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction->EndIfWanted(change));
-    if (ended) return absl::OkStatus();
-    if (loss.is_final || record.crashes() >= transaction->context().max_attempts) {
-      return transaction->Fail(LossError(loss, record.job().attempts()), change);
-    }
-    return transaction->Requeue(change);
-  }
-
-  static absl::Status Enlarge(JobTransaction* transaction, std::int64_t memory_bytes, JobChange* change) {
-    PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction->EndIfWanted(change));
-    if (ended) return absl::OkStatus();
-    change->record.set_enlargements(change->record.enlargements() + 1);
-    change->record.mutable_job()->set_memory_bytes(memory_bytes);
-    return transaction->Requeue(change);
   }
 
   Listeners<StoreNews> listeners_;
   const std::unique_ptr<SqlDatabase> database_;
-  LeaseClock clock_;  // constant after the constructor
+  StoreClock clock_;  // constant after the constructor
   JobQuestions questions_;
   RecentAccounts recent_accounts_;
   CallGroups<AcceptCall> accepts_{kAccepting, kGroupedCalls};

@@ -1,4 +1,9 @@
 // SQLite as a SqlDatabase: the schema, its versions, and who may use which connection.
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <mutex>
 #include <optional>
@@ -127,6 +132,15 @@ constexpr const char* kMigrations[] = {
       CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
     )sql",
     kWorkMigration,
+    // What ended jobs take; indexes for the newest work and the newest result with one key, however many jobs had it.
+    R"sql(
+      ALTER TABLE tenants ADD COLUMN record_bytes BIGINT NOT NULL DEFAULT 0;
+      DROP INDEX jobs_by_work;
+      DROP INDEX jobs_by_uv;
+      CREATE INDEX jobs_by_live_key ON jobs (work_key, tenant, number) WHERE ended = 0;
+      CREATE INDEX jobs_by_result ON jobs (work_key, number) WHERE ended = 1 AND state = 4;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256, tenant) WHERE ended = 1 AND state = 4 AND uv_sha256 != '';
+    )sql",
 };
 constexpr std::int64_t kVersion = std::size(kMigrations);
 constexpr std::int64_t kWithoutCreateTimes = 3;  // the last version
@@ -147,7 +161,7 @@ constexpr std::string_view kInMemory = ":memory:";
 constexpr std::size_t kMostStatements = 200;
 
 std::string SqliteWord(std::string_view word) {
-  if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
+  if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs) + column6";
   if (word == "outcome") return "state";
   if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
@@ -296,30 +310,52 @@ absl::Status Migrate(const std::string& path, SqliteConnection* connection) {
   return absl::OkStatus();
 }
 
-// Two connections: SQLite has one writer at a time, and whoever reads a blob need not wait for it. One that lives in
-// memory has one only, as another could not see it.
+// A lock that is taken in the order in which it was asked for. std::mutex favours the thread that gave it back.
+class FairMutex {
+ public:
+  void lock() {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t ticket = next_++;
+    changed_.wait(lock, [&] { return served_ == ticket; });
+  }
+  void unlock() {
+    const std::lock_guard lock(mutex_);
+    ++served_;
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  // Guarded by mutex_.
+  std::uint64_t next_ = 0, served_ = 0;
+};
+
+// Some connections: SQLite has one writer at a time, and those who only read need not wait for it. A database that
+// lives in memory has one connection, as another could not see it.
 class SqliteDatabase : public SqlDatabase {
  public:
   static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path) {
     std::unique_ptr<SqliteDatabase> database(new SqliteDatabase);
-    PLANISH_ASSIGN_OR_RETURN(database->writer_, SqliteConnection::Open(path));
-    PLANISH_RETURN_IF_ERROR(database->writer_->database().Execute(kPragmas));
-    PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.get()));
-    if (path != kInMemory) {
-      PLANISH_ASSIGN_OR_RETURN(database->reader_, SqliteConnection::Open(path));
-      PLANISH_RETURN_IF_ERROR(database->reader_->database().Execute("PRAGMA busy_timeout = 10000"));
+    PLANISH_ASSIGN_OR_RETURN(database->writer_.connection, SqliteConnection::Open(path));
+    PLANISH_RETURN_IF_ERROR(database->writer_.connection->database().Execute(kPragmas));
+    PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.connection.get()));
+    for (Place& reader : database->readers_) {
+      if (path == kInMemory) break;
+      PLANISH_ASSIGN_OR_RETURN(reader.connection, SqliteConnection::Open(path));
+      PLANISH_RETURN_IF_ERROR(reader.connection->database().Execute("PRAGMA busy_timeout = 10000"));
     }
-    PLANISH_ASSIGN_OR_RETURN(const SqlRows id, database->writer_->Run("SELECT id FROM meta", {}));
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows id, database->writer_.connection->Run("SELECT id FROM meta", {}));
     if (id.empty()) return InternalError(absl::StrCat(path, " has no identity: it is no job store of planish"));
     database->id_ = id.Bytes(0, 0);
     return database;
   }
 
   absl::StatusOr<Lease> Connect(Use use) override {
-    const bool reads = use == Use::kRead && reader_ != nullptr;
-    std::mutex& mutex = reads ? reader_mutex_ : writer_mutex_;
-    mutex.lock();
-    return Lease(reads ? reader_.get() : writer_.get(), [&mutex](SqlConnection*) { mutex.unlock(); });
+    const bool reads = use == Use::kRead && outlives_process();
+    Place& place = reads ? readers_[next_reader_++ % kReaders] : writer_;
+    place.mutex.lock();
+    return Lease(place.connection.get(), [&place](SqlConnection*) { place.mutex.unlock(); });
   }
 
   void Publish(std::string_view) override {}
@@ -327,13 +363,19 @@ class SqliteDatabase : public SqlDatabase {
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
   bool is_shared() const override { return false; }
-  bool outlives_process() const override { return reader_ != nullptr; }
+  bool outlives_process() const override { return readers_[0].connection != nullptr; }
 
  private:
+  struct Place {
+    FairMutex mutex;
+    std::unique_ptr<SqliteConnection> connection;  // guarded by mutex after Open()
+  };
+  static constexpr std::size_t kReaders = 3;
+
   std::string id_;
-  std::mutex writer_mutex_, reader_mutex_;
-  std::unique_ptr<SqliteConnection> writer_;  // guarded by writer_mutex_ after Open()
-  std::unique_ptr<SqliteConnection> reader_;  // guarded by reader_mutex_, likewise; null in memory
+  Place writer_;
+  std::array<Place, kReaders> readers_;  // null in memory
+  std::atomic<std::size_t> next_reader_ = 0;
 };
 
 }  // namespace

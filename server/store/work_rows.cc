@@ -15,7 +15,8 @@ constexpr std::chrono::milliseconds kRecent(100);
 constexpr char kSums[] =
     "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
     "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
-    "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants WHERE ";
+    "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), CAST(sum(record_bytes) AS BIGINT), max(received) "
+    "FROM tenants WHERE ";
 
 }  // namespace
 
@@ -77,17 +78,18 @@ absl::Status DeleteWork(SqlConnection* sql, const std::string& name) {
 absl::Status AccountChanges::Write(SqlConnection* sql) const {
   RowBatch sums = RowBatch::Of(
       "INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, ended, "
-      "result_bytes) VALUES {rows} ON CONFLICT (tenant, slot) DO UPDATE SET "
+      "result_bytes, record_bytes) VALUES {rows} ON CONFLICT (tenant, slot) DO UPDATE SET "
       "waiting = tenants.waiting + excluded.waiting, waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
       "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
       "charged = tenants.charged + excluded.charged, "
       "received = CASE WHEN tenants.tenant != '' THEN tenants.received + excluded.received "
       "WHEN excluded.received > tenants.received THEN excluded.received ELSE tenants.received END, "
-      "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes");
+      "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes, "
+      "record_bytes = tenants.record_bytes + excluded.record_bytes");
   const auto add = [&](const std::string& tenant, const TenantAccount& change) {
     if (change == TenantAccount()) return;
     sums.Add({std::string_view(tenant), sql->Slot(), change.waiting, change.waiting_bytes, change.running,
-              change.started, change.charged, change.received, change.ended, change.result_bytes});
+              change.started, change.charged, change.received, change.ended, change.result_bytes, change.record_bytes});
   };
   TenantAccount virtual_time;
   virtual_time.received = virtual_time_;
@@ -141,11 +143,11 @@ FairAccounts AccountsOf(const SqlRows& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::string& tenant = rows.Bytes(i, 0);
     if (tenant.empty()) {
-      accounts.virtual_time = rows.Int(i, 9);
+      accounts.virtual_time = rows.Int(i, 10);
       continue;
     }
-    accounts.tenants[tenant] = {rows.Int(i, 1), rows.Int(i, 2), rows.Int(i, 3), rows.Int(i, 4),
-                                rows.Int(i, 5), rows.Int(i, 6), rows.Int(i, 7), rows.Int(i, 8)};
+    accounts.tenants[tenant] = {rows.Int(i, 1), rows.Int(i, 2), rows.Int(i, 3), rows.Int(i, 4), rows.Int(i, 5),
+                                rows.Int(i, 6), rows.Int(i, 7), rows.Int(i, 8), rows.Int(i, 9)};
   }
   return accounts;
 }

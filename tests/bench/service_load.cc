@@ -248,7 +248,7 @@ void WatchersOfOneJob(int runs) {
 
 int ChaosOf(int jobs, int kills, int seed) {
   const TempDir directory;
-  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--retain-jobs=100000", "--queue=50"});
+  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--retain-records-mb=100000", "--queue=50"});
   ChaosOptions options;
   options.jobs = jobs;
   options.kills = kills;

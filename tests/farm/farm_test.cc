@@ -1,7 +1,9 @@
 // What dies in a farm, and what callers see of it.
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -13,6 +15,7 @@
 #include "planish/admin.h"
 #include "tests/farm/farm_fixture.h"
 #include "tests/server/blobs/s3_server.h"
+#include "tests/testing/http_get.h"
 
 namespace planish {
 namespace {
@@ -44,6 +47,36 @@ TEST_F(FarmTest, AJobOfOneFrontIsSeenAtAnother) {
   EXPECT_EQ(stats.workers, 1);
   EXPECT_EQ(stats.workers_ready, 1);
   EXPECT_GT(stats.memory_bytes, 0);
+}
+
+// A worker whose clock was a minute slow lost results, and jobs seemed to start before they came.
+TEST_F(FarmTest, AClockThatIsWrongChangesNoJob) {
+  if (kSanitized) GTEST_SKIP() << "the sanitizer wants to be loaded first";
+  Start("front", {"--role=front", "--listen=unix:" + SocketOf("front"), "--retain-hours=0.01"});
+  setenv("LD_PRELOAD", PLANISH_SHIFTED_CLOCK, 1);
+  setenv("CLOCK_SHIFT", "-60", 1);
+  Daemon& worker = Start(
+      "worker", {"--role=worker", "--workers=1", "--threads=1", "--retain-hours=0.01", "--metrics-listen=127.0.0.1:0"});
+  unsetenv("LD_PRELOAD");
+  unsetenv("CLOCK_SHIFT");
+  Client client = ClientOf("front");
+  const auto before = std::chrono::system_clock::now() - std::chrono::seconds(10);
+  for (int i = 0; i < 5; ++i) {
+    const Arrays mesh(5 + i);
+    const Job job = client.CreateJob(mesh.View());
+    const Job ended = client.WaitJob(job.name, Seconds(60));
+    ASSERT_EQ(ended.state, JobState::kSucceeded);
+    EXPECT_GE(*ended.start_time, *ended.create_time);
+    EXPECT_GE(*ended.end_time, *ended.start_time);
+    EXPECT_GE(*ended.create_time, before);
+    EXPECT_GE(*ended.end_time, before) << "36 s later its UV go";
+    EXPECT_GT(client.AttachResult(job.name, mesh.View()).uv.size(), 0u);
+  }
+  const std::string log = worker.ReadUntil("this machine's clock is");
+  EXPECT_THAT(log, HasSubstr("behind the database's"));
+  const std::size_t at = log.find("http://");
+  const std::string metrics = HttpGet(log.substr(at, log.find_first_of("\n\" ", at) - at), "/metrics").body;
+  EXPECT_THAT(metrics, ::testing::ContainsRegex("planish_clock_skew_seconds -(59|60)"));
 }
 
 TEST_F(FarmTest, JobsOfTwoFrontsShareTheirWork) {

@@ -10,7 +10,7 @@ namespace {
 // A small one; tests/bench/run.sh soak runs the large one.
 TEST(Chaos, EveryAcceptedJobEnds) {
   const TempDir directory;
-  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--retain-jobs=10000", "--queue=20"});
+  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--queue=20"});
   ChaosOptions options;
   options.jobs = 150;
   options.largest_grid = 60;

@@ -46,9 +46,8 @@ TEST(Mutations, ServerLivesAndEveryAcceptedJobEnds) {
   options.inputs = NumInputs();
   const TempDir directory;
   // A damaged mesh, or options far from the usual, may keep a worker busy for long: 18 s at most.
-  DurableServer server(directory.Path("s"),
-                       {"--workers=2", "--threads=1", "--memory-mb=2048", "--job-hours=0.005", "--log-level=error",
-                        "--retain-jobs=" + std::to_string(options.inputs + 1000)});
+  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--memory-mb=2048", "--job-hours=0.005",
+                                             "--log-level=error", "--retain-records-mb=100000"});
   const MutationReport report = RunMutations(options, server);
   Print(report);
   EXPECT_THAT(report.wrong, ::testing::IsEmpty()) << server.Log();

@@ -59,7 +59,6 @@ class Flood {
     JobManagerOptions manager;
     manager.workers = options.workers;
     manager.limits.queue_capacity = manager.queue_total = 2 * options.flood;
-    manager.limits.retained_jobs = 4 * options.flood;
     manager.tenant_limits = [shares = options.shares](const std::string& tenant) {
       TenantLimits limits;
       if (const auto share = shares.find(tenant); share != shares.end()) limits.share = share->second;

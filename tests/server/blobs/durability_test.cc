@@ -39,7 +39,6 @@ class DurabilityTest : public JobManagerTest {
  protected:
   DurabilityTest() : root_(directory_.Path("data")) {
     options_.limits.queue_capacity = 1000;
-    options_.limits.retained_jobs = 1000;
     options_.on_store_error = [this](const absl::Status& status) { errors_.emplace_back(status.message()); };
     for (const char* part : {"blobs", "uploads"}) fs::create_directories(root_ / part);
     power_ = std::make_unique<PowerLoss>(root_);
@@ -55,7 +54,7 @@ class DurabilityTest : public JobManagerTest {
   }
 
   void OpenStores() {
-    store_ = *OpenJobStore(root_ / "jobs.sqlite");
+    store_ = OpenStore(*OpenSqliteDatabase(root_ / "jobs.sqlite"));
     BlobPlaces places;
     places.store = BlobsIn(root_ / "blobs", &files_);
     places.rows = store_->rows();
@@ -64,7 +63,7 @@ class DurabilityTest : public JobManagerTest {
     ASSERT_TRUE(blobs_->Open().ok());
     UploadStoreOptions uploads;
     uploads.directory = root_ / "uploads";
-    uploads.clock = options_.clock;
+    uploads.clock = [this] { return now_; };
     uploads.new_id = [this] { return "u" + std::to_string(++ids_); };
     uploads_ = std::make_unique<UploadStore>(uploads, blobs_.get());
     ASSERT_TRUE(uploads_->Open().ok());

@@ -169,11 +169,11 @@ class ConfigTest : public ::testing::Test {
 TEST_F(ConfigTest, PrintsWhatIsInEffectAsAFileThatGivesTheSame) {
   Write("queue: 5\ngrace: 1.5\nlisten: [127.0.0.1:0]\nsandbox: off\n");
   setenv("PLANISHD_QUEUE", "6", 1);
-  const Said said = Run({"--config=" + File(), "--retain-jobs=7", "--print-config"});
+  const Said said = Run({"--config=" + File(), "--retain-records-mb=7", "--print-config"});
   EXPECT_EQ(said.code, 0);
   EXPECT_THAT(said.text, HasSubstr("queue: 6  # environment\n"));
   EXPECT_THAT(said.text, HasSubstr("grace: 1.5  # " + File() + ":2\n"));
-  EXPECT_THAT(said.text, HasSubstr("retain-jobs: 7  # flag\n"));
+  EXPECT_THAT(said.text, HasSubstr("retain-records-mb: 7  # flag\n"));
   EXPECT_THAT(said.text, HasSubstr("sandbox: off  # " + File() + ":4\n"));
   EXPECT_THAT(said.text, HasSubstr("isolation: process  # default\n"));
   unsetenv("PLANISHD_QUEUE");
@@ -181,7 +181,7 @@ TEST_F(ConfigTest, PrintsWhatIsInEffectAsAFileThatGivesTheSame) {
   setenv("PLANISHD_CONFIG", File().c_str(), 1);
   const Said again = Run({"--print-config"});
   EXPECT_THAT(again.text, HasSubstr("queue: 6  # " + File()));
-  EXPECT_THAT(again.text, HasSubstr("retain-jobs: 7  # " + File()));
+  EXPECT_THAT(again.text, HasSubstr("retain-records-mb: 7  # " + File()));
   EXPECT_THAT(again.text, Not(HasSubstr("# default"))) << "all of them come from the file now";
 }
 
@@ -232,7 +232,7 @@ TEST_F(ConfigTest, SighupPutsInForceWhatCanChange) {
   EXPECT_THAT(config.yaml(), HasSubstr("max-mesh-mb: 10  # ")) << "what the server still runs with";
   EXPECT_GT(config.load_time().seconds(), 0);
 
-  Write("queue: 3\nretain-jobs: none\n");
+  Write("queue: 3\nretain-records-mb: none\n");
   daemon->Signal(SIGHUP);
   EXPECT_TRUE(manager.WaitFor("READY=1"));
   EXPECT_EQ(QueueCapacity(), 9) << "all or nothing";
@@ -243,7 +243,7 @@ TEST_F(ConfigTest, SighupPutsInForceWhatCanChange) {
   const std::string log = daemon->Output();
   EXPECT_THAT(log, HasSubstr("queue changed from 5 to 9"));
   EXPECT_THAT(log, HasSubstr("max-mesh-mb changed from 10 to 11: takes effect after a restart"));
-  EXPECT_THAT(log, HasSubstr(R"("level":"error","message":"not reloaded: )" + File() + ":2: retain-jobs: "));
+  EXPECT_THAT(log, HasSubstr(R"("level":"error","message":"not reloaded: )" + File() + ":2: retain-records-mb: "));
 }
 
 TEST_F(ConfigTest, JsonLogsParseLineByLine) {

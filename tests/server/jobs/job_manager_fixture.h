@@ -63,7 +63,6 @@ inline v1::Progress Iteration(int number) {
 class JobManagerTest : public ::testing::Test {
  protected:
   JobManagerTest() {
-    options_.clock = [this] { return now_; };
     options_.steady_clock = [this] { return now_ - absl::Hours(100'000); };  // never to be mixed with the other one
     options_.new_id = [this] { return "id" + std::to_string(++ids_); };
     options_.on_transition = [this](const v1::Job& job) {
@@ -89,7 +88,7 @@ class JobManagerTest : public ::testing::Test {
   // Its clock is that of the test.
   std::unique_ptr<JobStore> OpenStore(std::unique_ptr<SqlDatabase> database) {
     JobStoreOptions options;
-    options.lease_clock = [this] { return now_; };
+    options.clock = [this] { return now_; };
     return NewJobStore(std::move(database), options);
   }
 

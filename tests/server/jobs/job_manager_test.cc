@@ -448,8 +448,29 @@ TEST_F(JobManagerTest, RefusesForeignPageTokens) {
   EXPECT_EQ(Reason(List(1, token).status()), "REQUEST_INVALID");
 }
 
+TEST_F(JobManagerTest, KeepsANightsBatch) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 300; ++i) names.push_back(CreateEnded());
+  for (const std::string& name : names) ASSERT_EQ(State(name), v1::JOB_STATE_SUCCEEDED) << name;
+}
+
+TEST_F(JobManagerTest, KeepsEndedJobsForSomeTime) {
+  options_.limits.retained_record_time = absl::Hours(10);
+  Restart();
+  const std::string first = CreateEnded();
+  now_ += absl::Hours(4);
+  const std::string second = CreateEnded();
+  now_ += absl::Hours(6);
+  manager_->Tick();
+  EXPECT_FALSE(manager_->Get(caller_, first).ok());
+  EXPECT_EQ(State(second), v1::JOB_STATE_SUCCEEDED);
+  now_ += absl::Hours(4);
+  manager_->Tick();
+  EXPECT_FALSE(manager_->Get(caller_, second).ok());
+}
+
 TEST_F(JobManagerTest, KeepsTheNewestEndedJobs) {
-  options_.limits.retained_jobs = 2;
+  options_.limits.retained_record_bytes = 4000;  // two of them
   Restart();
   const std::string first = CreateEnded();
   const std::string second = CreateEnded();

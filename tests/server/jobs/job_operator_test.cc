@@ -41,7 +41,7 @@ TEST_F(JobOperatorTest, ResultsGoWhenTheyMayNoLongerBeKept) {
   now_ += absl::Minutes(1);
   manager_->Tick();
   EXPECT_EQ(State(name), v1::JOB_STATE_EXPIRED);
-  limits.retained_jobs = 1;
+  limits.retained_record_bytes = 1;
   manager_->SetLimits(limits);
   manager_->Tick();
   EXPECT_FALSE(manager_->Get(caller_, name).ok());

@@ -242,7 +242,7 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
   const auto reopen = [&] {
     manager_.reset();
     store_.reset();
-    store_ = *OpenJobStore(directory.Path("jobs.sqlite"));
+    store_ = OpenStore(*OpenSqliteDatabase(directory.Path("jobs.sqlite")));
     blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(directory.Path("blobs"))}, 1 << 20);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());

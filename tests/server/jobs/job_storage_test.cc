@@ -40,6 +40,39 @@ TEST_F(JobStorageTest, WhatCannotBeWrittenIsNotAccepted) {
   EXPECT_EQ(State(Create("r1")), v1::JOB_STATE_QUEUED);
 }
 
+TEST_F(JobStorageTest, ABatchIsWrittenAtOnce) {
+  options_.limits.queue_capacity = 100;
+  Resume();
+  std::vector<JobRequest> requests;
+  for (int i = 0; i < 40; ++i) requests.push_back(Request());
+  requests[7].bytes = "";
+  requests[8].request_id = requests[9].request_id = "r";  // two meshes
+  fault_.commits = 0;
+  const std::vector<absl::StatusOr<AcceptedJob>> accepted = manager_->CreateAll(caller_, std::move(requests));
+  EXPECT_EQ(fault_.commits, 1);
+  ASSERT_EQ(accepted.size(), 40u);
+  for (std::size_t i = 0; i < accepted.size(); ++i) {
+    if (i == 7) {
+      EXPECT_EQ(Reason(accepted[i].status()), "MESH_MISSING");
+    } else if (i == 9) {
+      EXPECT_EQ(Reason(accepted[i].status()), "REQUEST_ID_REUSED");
+    } else {
+      ASSERT_TRUE(accepted[i].ok()) << accepted[i].status();
+      EXPECT_EQ(State(accepted[i]->job.name()), v1::JOB_STATE_QUEUED);
+    }
+  }
+  EXPECT_EQ(Take(), accepted[0]->job.name()) << "in their order";
+  Succeed(accepted[0]->job.name());
+  EXPECT_EQ(Watch(accepted[0]->job.name())->uv()->ReadAll().value(), "uv");
+  fault_.full = true;
+  std::vector<JobRequest> more;
+  for (int i = 0; i < 3; ++i) more.push_back(Request());
+  for (const auto& refused : manager_->CreateAll(caller_, std::move(more))) {
+    EXPECT_EQ(Reason(refused.status()), "STORAGE_FULL");
+  }
+  fault_.full = false;
+}
+
 // Issue 26: SUCCEEDED could reach a watcher before it was durable.
 TEST_F(JobStorageTest, NobodyHearsOfAnEndBeforeItIsWritten) {
   const std::string name = Create();
@@ -180,6 +213,18 @@ TEST(SqliteJobStore, RefusesAStoreFromTheFuture) {
   const absl::Status status = OpenJobStore(directory.Path("jobs.sqlite")).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(Reason(status), "STORE_VERSION");
+}
+
+TEST_F(JobManagerTest, AClockThatIsSetForwardEndsNoJobWhoseCallerIsThere) {
+  options_.steady_clock = [] { return absl::UnixEpoch() + absl::Hours(1); };
+  options_.limits.reattach_grace = absl::Seconds(10);
+  Restart();
+  auto attached = manager_->Create(caller_, Request("r1", true));
+  const std::string name = attached->job.name();
+  manager_->Tick();
+  now_ += absl::Hours(24 * 365);
+  manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
 }
 
 TEST_F(JobManagerTest, AClockThatJumpsEndsNoJobThatHasNoLimit) {

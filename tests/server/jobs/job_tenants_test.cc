@@ -39,7 +39,7 @@ class JobTenantsTest : public JobManagerTest {
 
   void RestartWithBytes(std::int64_t bytes) {
     manager_.reset();
-    store_ = *OpenJobStore(":memory:");
+    store_ = OpenStore(*OpenSqliteDatabase(":memory:"));
     blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{}, bytes, options_.tenant_limits);
     Resume();
   }
@@ -337,7 +337,7 @@ TEST_F(JobTenantsTest, WhoFillsTheWholeStoreGivesWayToOthersNotTheyToIt) {
 }
 
 TEST_F(JobTenantsTest, KeepsEachTenantsNewestEndedJobs) {
-  options_.limits.retained_jobs = 2;
+  options_.limits.retained_record_bytes = 4000;  // two of them
   options_.limits.retained_bytes = 100;
   Restart();
   const std::string bobs = EndedAs(kBob, std::string(100, 'b'));
@@ -478,7 +478,7 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
   }
   for (int life = 0; life < 2; ++life) {
     manager_.reset();
-    store_ = *OpenJobStore(path);
+    store_ = OpenStore(*OpenSqliteDatabase(path));
     blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(directory.Path("blobs"))}, 1000);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());

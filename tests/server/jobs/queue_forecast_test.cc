@@ -15,7 +15,7 @@ class QueueForecastTest : public ::testing::Test {
  protected:
   QueueForecastTest() {
     JobStoreOptions options;
-    options.lease_clock = [this] { return now_; };
+    options.clock = [this] { return now_; };
     store_ = NewJobStore(*OpenSqliteDatabase(":memory:"), options);
   }
 
@@ -52,7 +52,7 @@ class QueueForecastTest : public ::testing::Test {
   }
 
   absl::Time now_ = absl::FromUnixSeconds(1'000'000);
-  VerbContext context_{.now = absl::FromUnixSeconds(1'000'000)};
+  VerbContext context_;
   std::map<std::string, TenantLimits> limits_;
   std::unique_ptr<JobStore> store_;
   Lease lease_;

@@ -17,6 +17,7 @@
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
+#include "tests/server/store/failing_database.h"
 #include "tests/testing/fake_workers.h"
 #include "tests/testing/files.h"
 
@@ -40,6 +41,7 @@ class RpcTestServer {
   RpcServer& rpc() { return *rpc_; }
   UploadStore& uploads() { return uploads_; }
   StreamCounter& streams() { return streams_; }
+  Fault& fault() { return fault_; }  // of the database
   v1::Planish::Stub& stub() { return *stub_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
@@ -53,6 +55,7 @@ class RpcTestServer {
   TempDir dir_;
   BlobCatalog blobs_{{}, std::int64_t{1} << 30};
   UploadStore uploads_;
+  Fault fault_;
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;

@@ -20,6 +20,7 @@ struct Fault {
   bool full = false;                                   // every write is refused: STORAGE_FULL
   bool away = false;                                   // likewise: STORE_UNAVAILABLE
   int count = 0;                                       // so far
+  int commits = 0;                                     // likewise
   std::function<void(const std::string& sql)> before;  // each statement
 };
 
@@ -33,6 +34,7 @@ class FailingConnection : public SqlConnection {
     return Try([&] { return connection_.Begin(durability); });
   }
   absl::Status Commit() override {
+    std::atomic_ref(fault_.commits).fetch_add(1);
     return Try([&] { return connection_.Commit(); });
   }
   // Also what the server does with the transactions of a connection that died.

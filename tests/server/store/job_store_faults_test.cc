@@ -71,7 +71,7 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
   const auto add_overdue = [&] {
     ASSERT_TRUE(store_->EndOverdue(context_, 10'000).ok());  // those of other cases
     add_attached();
-    ASSERT_TRUE(store_->SetCallersUntil({"jobs/" + work}, context_.now).ok());
+    ASSERT_TRUE(store_->KeepCallers({"jobs/" + work}, absl::ZeroDuration()).ok());
   };
   const auto run = [&] {
     Add(work);
@@ -112,7 +112,7 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
          return store_->Claim(context_, {"a", absl::Seconds(10), 1, 0, ""}).status();
        },
        v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING},
-      {"SetCallersUntil", add_attached, [&] { return store_->SetCallersUntil({name()}, context_.now); },
+      {"KeepCallers", add_attached, [&] { return store_->KeepCallers({name()}, absl::ZeroDuration()); },
        v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
       {"EndOverdue", add_overdue, [&] { return store_->EndOverdue(context_, 10).status(); }, v1::JOB_STATE_QUEUED,
        v1::JOB_STATE_CANCELLED},

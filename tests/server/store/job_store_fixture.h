@@ -30,7 +30,6 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
   static void TearDownTestSuite() { running_.reset(); }
 
   JobStoreTest() {
-    context_.now = absl::FromUnixSeconds(1'000'000);
     if (GetParam() == Engine::kPostgres) {
       if (running_ == nullptr) running_ = std::make_unique<PostgresServer>();
       url_ = running_->NewDatabase();
@@ -49,7 +48,7 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
 
   std::unique_ptr<JobStore> Open() {
     JobStoreOptions options;
-    options.lease_clock = [this] { return lease_now_; };
+    options.clock = [this] { return now_; };
     return NewJobStore(std::make_unique<FailingDatabase>(OpenDatabase(), &fault_), options);
   }
 
@@ -134,7 +133,7 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
   std::string url_;
   Fault fault_;
   VerbContext context_;
-  absl::Time lease_now_ = absl::FromUnixSeconds(5'000'000);
+  absl::Time now_ = absl::FromUnixSeconds(5'000'000);
   std::unique_ptr<JobStore> store_, other_;
   static inline std::unique_ptr<PostgresServer> running_;  // for all cases: it takes a second to start
 };

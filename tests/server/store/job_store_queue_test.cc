@@ -59,7 +59,7 @@ class JobQueueStoreTest : public JobStoreTest {
       if (claimed.empty()) break;
       const std::string tenant = claimed[0].jobs[0].record.job().tenant();
       ++done[tenant];
-      lease_now_ += absl::Seconds(seconds.at(tenant));
+      now_ += absl::Seconds(seconds.at(tenant));
       Succeed(claimed[0].lease);
     }
     return done;
@@ -84,7 +84,7 @@ TEST_P(JobQueueStoreTest, ATenantThatComesIsNextWhateverOthersHaveWaiting) {
   AddMany("ann", 20);
   for (int i = 0; i < 5; ++i) {
     Next();
-    lease_now_ += absl::Seconds(10);
+    now_ += absl::Seconds(10);
     Succeed(last_);
   }
   AddOf("bob", "bobs");
@@ -160,13 +160,13 @@ TEST_P(JobQueueStoreTest, WhatALimitKeepsATenantFromIsNoCredit) {
   const std::vector<ClaimedWork> first = ClaimSome("a", 3);
   ASSERT_THAT(first, SizeIs(3));
   for (int i = 0; i < 5; ++i) {
-    lease_now_ += absl::Seconds(10);
+    now_ += absl::Seconds(10);
     for (const ClaimedWork& work : i == 0 ? first : running_) Succeed(work.lease);
     running_ = ClaimSome("a", 3);
     ASSERT_THAT(running_, SizeIs(3));
   }
   limits_["ann"].running = -1;
-  lease_now_ += absl::Seconds(10);
+  now_ += absl::Seconds(10);
   for (const ClaimedWork& work : running_) Succeed(work.lease);
   std::map<std::string, int> done = Work(20, {{"ann", 10}, {"bob", 10}});
   EXPECT_NEAR(done["ann"], 10, 2);
@@ -360,7 +360,7 @@ TEST_P(JobQueueStoreTest, TimeoutsAndBudgetsAreKept) {
   const auto add = [&](const std::string& name, int timeout, int budget) {
     NewJob job = JobOf("ann", name);
     v1::Job* described = job.record.mutable_job();
-    *described->mutable_create_time() = ToTimestamp(context_.now);
+    *described->mutable_create_time() = ToTimestamp(now_);
     if (timeout > 0) described->mutable_scheduling()->mutable_timeout()->set_seconds(timeout);
     if (budget > 0) described->mutable_scheduling()->mutable_compute_budget()->set_seconds(budget);
     Accept(job);
@@ -370,17 +370,17 @@ TEST_P(JobQueueStoreTest, TimeoutsAndBudgetsAreKept) {
   add("free", 0, 0);
   EXPECT_EQ(Next(), "runs");
   const Lease lease = last_;
-  context_.now += absl::Seconds(19);
+  now_ += absl::Seconds(19);
   EXPECT_THAT(*Other().EndOverdue(context_, 10), IsEmpty());
-  context_.now += absl::Seconds(1);
+  now_ += absl::Seconds(1);
   EXPECT_THAT(*Other().EndOverdue(context_, 10), SizeIs(1));
   EXPECT_EQ(State("jobs/runs"), v1::JOB_STATE_STOPPING);
   EXPECT_THAT(*Other().EndOverdue(context_, 10), IsEmpty()) << "once";
   EXPECT_THAT(*store_->Renew({lease}, absl::Hours(1)), ElementsAre(Wish::kStop));
-  context_.now += absl::Seconds(30);
+  now_ += absl::Seconds(30);
   EXPECT_THAT(*Other().EndOverdue(context_, 10), SizeIs(1));
   EXPECT_EQ(ErrorOf("jobs/waits"), "DEADLINE_EXCEEDED");
-  context_.now += absl::Seconds(50);
+  now_ += absl::Seconds(50);
   EXPECT_THAT(*Other().EndOverdue(context_, 10), SizeIs(1));
   EXPECT_THAT(*store_->Renew({lease}, absl::Hours(1)), ElementsAre(Wish::kCancel));
   EXPECT_THAT(*Other().EndOverdue(context_, 10), IsEmpty()) << "its worker was told";
@@ -394,20 +394,20 @@ TEST_P(JobQueueStoreTest, JobsWhoseCallersAreGoneAreCancelled) {
     NewJob job = JobOf("ann", name);
     job.record.set_attached(true);
     job.record.set_request_id(name);
-    *job.record.mutable_callers_until() = ToTimestamp(context_.now + absl::Seconds(10));
+    *job.record.mutable_callers_until() = ToTimestamp(now_ + absl::Seconds(10));
     Accept(job);
   }
   ASSERT_TRUE(store_->Detach("jobs/3").ok());
   EXPECT_EQ(Next(), "1");
-  ASSERT_TRUE(Other().SetCallersUntil({"jobs/4", "jobs/3", "jobs/none"}, context_.now + absl::Seconds(30)).ok());
-  context_.now += absl::Seconds(10);
+  ASSERT_TRUE(Other().KeepCallers({"jobs/4", "jobs/3", "jobs/none"}, absl::Seconds(30)).ok());
+  now_ += absl::Seconds(10);
   EXPECT_THAT(*store_->EndOverdue(context_, 10), SizeIs(2));
   EXPECT_EQ(State("jobs/1"), v1::JOB_STATE_STOPPING);
   EXPECT_EQ(State("jobs/2"), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(State("jobs/3"), v1::JOB_STATE_QUEUED) << "it belongs to nobody";
   EXPECT_EQ(State("jobs/4"), v1::JOB_STATE_QUEUED) << "somebody said that its callers are there";
   EXPECT_FALSE((*store_->FindByRequestId("ann", "2")).has_value()) << "a retry starts anew";
-  ASSERT_TRUE(Other().SetCallersUntil({"jobs/4"}, context_.now).ok());
+  ASSERT_TRUE(Other().KeepCallers({"jobs/4"}, absl::ZeroDuration()).ok());
   EXPECT_THAT(*store_->EndOverdue(context_, 10), SizeIs(1));
 }
 

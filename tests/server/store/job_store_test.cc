@@ -1,6 +1,13 @@
 // What every JobStore must do, whatever its engine: the conformance suite, with job_store_faults_test.cc.
 #include "server/store/job_store.h"
 
+#include <algorithm>
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/time/clock.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/store/job_store_fixture.h"
@@ -144,12 +151,12 @@ TEST_P(JobStoreTest, WorkIsClaimedInItsOrderAndOnce) {
 TEST_P(JobStoreTest, AZombieChangesNothing) {
   const std::string name = Add("1");
   const Lease zombie = Claim("a");
-  lease_now_ += absl::Seconds(9);
+  now_ += absl::Seconds(9);
   EXPECT_THAT(*Other().Reap(context_, "", 10), IsEmpty()) << "the lease still holds";
   EXPECT_THAT(*store_->Renew({zombie}, absl::Seconds(10)), ElementsAre(Wish::kGoOn));
-  lease_now_ += absl::Seconds(9);
+  now_ += absl::Seconds(9);
   EXPECT_THAT(*Other().Reap(context_, "", 10), IsEmpty()) << "it was renewed";
-  lease_now_ += absl::Seconds(1);
+  now_ += absl::Seconds(1);
   ASSERT_THAT(*Other().Reap(context_, "", 10), SizeIs(1));
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   EXPECT_EQ(Find(name).crashes(), 1);
@@ -200,18 +207,129 @@ TEST_P(JobStoreTest, WishesAreToldWithTheRenewal) {
   EXPECT_EQ(wish(), Wish::kGiveUp);
 }
 
-TEST_P(JobStoreTest, AClockThatJumpsEndsNoLease) {
-  const std::string name = Add("1");
-  const Lease lease = Claim();
-  for (const absl::Duration jump : {absl::Hours(100'000), -absl::Hours(200'000), absl::Hours(100'000)}) {
-    context_.now += jump;  // that of some machine
-    EXPECT_THAT(*store_->Reap(context_, "", 10), IsEmpty());
-    EXPECT_TRUE(store_->Report(context_, lease, {v1::Progress()}).ok());
+TEST_P(JobStoreTest, JobsThatComeTogetherAreCommittedTogether) {
+  Add("before");
+  std::vector<NewJob> jobs;
+  for (int i = 0; i < 200; ++i) jobs.push_back(Job(std::to_string(i)));
+  jobs[150].record.set_request_id("r");
+  jobs[160].record.set_request_id("r");
+  jobs[161].record.set_work_key("key of before");
+  for (const int i : {170, 180, 190}) jobs[static_cast<std::size_t>(i)].record.set_work_key("one");
+  fault_.commits = 0;
+  const std::vector<absl::StatusOr<AcceptedChange>> accepted = store_->AcceptAll(context_, jobs);
+  EXPECT_EQ(fault_.commits, 1);
+  ASSERT_THAT(accepted, SizeIs(200));
+  std::set<std::int64_t> numbers;
+  for (std::size_t i = 0; i < accepted.size(); ++i) {
+    ASSERT_TRUE(accepted[i].ok()) << accepted[i].status();
+    EXPECT_EQ(accepted[i]->created, i != 160);
+    EXPECT_EQ(accepted[i]->shares, i == 161 || i == 180 || i == 190) << i;
+    const JobRecord& record = accepted[i]->change.record;
+    EXPECT_EQ(record.job().name(), "jobs/" + std::to_string(i == 160 ? 150 : i));
+    EXPECT_EQ(Find(record.job().name()).number(), record.number());
+    numbers.insert(record.number());
   }
-  lease_now_ -= absl::Hours(1);  // that of all leases
+  EXPECT_THAT(numbers, SizeIs(199));
+  EXPECT_EQ(Find("jobs/190").work(), "jobs/170");
+  EXPECT_EQ((*store_->Accounts()).tenants.at("ann").waiting, 197) << "before, and all but 160, 161, 180 and 190";
+  EXPECT_EQ(History("jobs/190"), "1 QUEUED");
+}
+
+TEST_P(JobStoreTest, ABatchStopsWhereTheQueueIsFull) {
+  std::vector<NewJob> jobs;
+  for (int i = 0; i < 5; ++i) {
+    jobs.push_back(Job(std::to_string(i)));
+    jobs.back().limits = QueueLimits();
+    jobs.back().limits->tenant_jobs = 3;
+  }
+  const std::vector<absl::StatusOr<AcceptedChange>> accepted = store_->AcceptAll(context_, jobs);
+  for (std::size_t i = 0; i < accepted.size(); ++i) {
+    EXPECT_EQ(accepted[i]->room, i < 3 ? Room::kYes : Room::kTenantFull) << i;
+  }
+}
+
+// A mesh that was sent a thousand times is no dearer than a new one.
+TEST_P(JobStoreTest, JobsWithTheSameWorkThatEndedCostNothing) {
+  Add("first", "same");
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  constexpr int kKept = 4000, kAtOnce = 200;
+  for (int i = 0; i < kKept; i += kAtOnce) {
+    std::vector<NewJob> jobs;
+    for (int k = 0; k < kAtOnce; ++k) {
+      jobs.push_back(Job(std::to_string(i + k), "same"));
+      jobs.back().result_of = "jobs/first";
+    }
+    store_->AcceptAll(context_, jobs);
+  }
+  ASSERT_EQ((*store_->Totals()).tenants.at("ann").ended, kKept + 1);
+  // The cheapest of some: the machine may be busy.
+  const auto cost = [&](const std::string& kind, const std::string& key) {
+    absl::Duration least = absl::InfiniteDuration();
+    for (int i = 0; i < 30; ++i) {
+      NewJob job = Job(kind + std::to_string(i), key.empty() ? kind + std::to_string(i) : key);
+      const absl::Time start = absl::Now();
+      EXPECT_EQ((*store_->FindResult(job.record.work_key())).has_value(), !key.empty());
+      EXPECT_TRUE(store_->IsUnderWay("ann", job.record.work_key()).ok());
+      EXPECT_TRUE(store_->Accept(context_, job).ok());
+      least = std::min(least, absl::Now() - start);
+    }
+    return least;
+  };
+  const absl::Duration other = cost("other", ""), same = cost("same", "same");
+  EXPECT_LT(same, 4 * other);
+}
+
+TEST_P(JobStoreTest, CountsWhatEndedJobsTake) {
+  const auto bytes = [this] { return (*store_->Totals()).tenants.at("ann").record_bytes; };
+  Add("1");
+  EXPECT_EQ(bytes(), 0);
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->Report(context_, lease, std::vector<v1::Progress>(100)).ok());
+  AttemptOutcome outcome = Success();
+  ASSERT_TRUE(store_->Finish(context_, lease, outcome).ok());
+  const std::int64_t first = bytes();
+  EXPECT_GT(first, 1000);
+  EXPECT_LT(first, 5000);
+  Add("2");
+  outcome.report.add_warnings()->set_message(std::string(100'000, 'x'));
+  ASSERT_TRUE(store_->Finish(context_, Claim(), outcome).ok());
+  EXPECT_GT(bytes(), first + 100'000);
+  EXPECT_LT(bytes(), first + 105'000);
+  ASSERT_TRUE(store_->Expire(context_, "jobs/2").ok());
+  EXPECT_GT(bytes(), first + 100'000) << "the report stays";
+  ASSERT_TRUE(store_->Delete("jobs/2").ok());
+  EXPECT_EQ(bytes(), first);
+  EXPECT_THAT(*store_->DeleteOldest("ann", 10), SizeIs(1));
+  EXPECT_EQ(bytes(), 0);
+}
+
+TEST_P(JobStoreTest, TimesAreInOrderThoughTheClockIsSetBack) {
+  Add("1");
+  v1::Job job = Find("jobs/1").job();
+  NewJob now = Job("2");
+  now.record.mutable_job()->clear_create_time();
+  Accept(now);
+  const Lease first = Claim();
+  now_ -= absl::Hours(1);
+  const Lease second = Claim();
+  now_ -= absl::Hours(1);
+  for (const Lease& lease : {first, second}) ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  for (const std::string name : {"jobs/1", "jobs/2"}) {
+    job = Find(name).job();
+    EXPECT_GE(job.start_time(), job.create_time()) << name;
+    EXPECT_GE(job.end_time(), job.start_time()) << name;
+    EXPECT_GE(job.report().times().queue().seconds(), 0) << name;
+  }
+}
+
+TEST_P(JobStoreTest, AClockThatIsSetBackEndsNoLease) {
+  Add("1");
+  const Lease lease = Claim();
+  now_ -= absl::Hours(1);
   EXPECT_THAT(*store_->Reap(context_, "", 10), IsEmpty());
   EXPECT_EQ(Claim("b").work, "") << "never two owners";
-  lease_now_ += absl::Hours(2);
+  now_ += absl::Hours(2);
   EXPECT_THAT(*store_->Reap(context_, "", 10), SizeIs(1));
   EXPECT_EQ(Claim("b").attempt, 2);
   EXPECT_EQ(ErrorReason(store_->Finish(context_, lease, Success()).status()), "LEASE_LOST");
@@ -221,7 +339,7 @@ TEST_P(JobStoreTest, AJobThatTakesItsOwnerDownFailsAfterThreeAttempts) {
   Add("1");
   for (int attempt = 1; attempt <= 3; ++attempt) {
     EXPECT_EQ(Claim().attempt, attempt);
-    lease_now_ += absl::Seconds(10);
+    now_ += absl::Seconds(10);
     ASSERT_THAT(*store_->Reap(context_, "", 10), SizeIs(1));
   }
   EXPECT_EQ(ErrorOf("jobs/1"), "SERVER_CRASHED");
@@ -400,7 +518,7 @@ TEST_P(JobStoreTest, RecordsAreKeptCountedAndDropped) {
   for (const char* name : {"1", "2", "3"}) {
     Add(name);
     ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
-    context_.now += absl::Seconds(1);
+    now_ += absl::Seconds(1);
   }
   Add("4");
   EXPECT_EQ((*store_->FirstEnded("ann", v1::JOB_STATE_SUCCEEDED))->job().name(), "jobs/1");
@@ -426,7 +544,7 @@ TEST_P(JobStoreTest, TheOldestAreDroppedTogether) {
   for (const char* name : {"1", "2", "3", "4"}) {
     Add(name);
     ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
-    context_.now += absl::Seconds(1);
+    now_ += absl::Seconds(1);
   }
   Add("5");
   EXPECT_THAT(*store_->DeleteOldest("bob", 10), IsEmpty());

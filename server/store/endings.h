@@ -1,0 +1,40 @@
+// What becomes of one job of locked work, as an attempt reports and ends or as its time is over.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "google/rpc/status.pb.h"
+#include "planish/v1/job.pb.h"
+#include "server/store/job_store.h"
+#include "server/store/job_transaction.h"
+
+namespace planish {
+
+// Adds an event for each.
+absl::Status AddProgress(JobTransaction* transaction, const std::vector<v1::Progress>& progress, JobChange* change);
+// What the worker delivered.
+absl::Status Deliver(JobTransaction* transaction, const AttemptOutcome& outcome, JobChange* change);
+// The worker is gone.
+absl::Status Lose(JobTransaction* transaction, const AttemptOutcome::Loss& loss, JobChange* change);
+// The attempt needed more memory than was reserved: the next one gets `memory_bytes`.
+absl::Status Enlarge(JobTransaction* transaction, std::int64_t memory_bytes, JobChange* change);
+// Ends or stops the job if one of its limits of time has passed.
+absl::Status EndIfOverdue(JobTransaction& transaction, const LockedWork& work, JobChange* change);
+// The error of a job whose last attempt was lost with its server.
+google::rpc::Status ServerCrashed(int attempts);
+
+// When the job is to be ended or stopped; the infinite future: never.
+struct JobLimitTimes {
+  absl::Time callers = absl::InfiniteFuture();  // nobody waits for it any more
+  absl::Time timeout = absl::InfiniteFuture();  // Scheduling.timeout
+  absl::Time budget = absl::InfiniteFuture();   // Scheduling.compute_budget
+
+  absl::Time First() const { return std::min({callers, timeout, budget}); }
+};
+JobLimitTimes LimitTimesOf(const JobRecord& record);
+
+}  // namespace planish
