@@ -97,7 +97,7 @@ Call::~Call() {
 
 Call* Call::Begin(std::shared_ptr<Call> call) {
   Call* const reactor = call.get();
-  reactor->self_ = std::move(call);
+  reactor->self_ = call;  // `call` keeps it to the end of this function
   reactor->Read();
   reactor->OnBegin();
   return reactor;
@@ -106,6 +106,7 @@ Call* Call::Begin(std::shared_ptr<Call> call) {
 void Call::Read() {
   const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);
   if (!is_anonymous()) expected_ = info_.surroundings->memory->Expect(limit);
+  const std::lock_guard lock(starting_);
   reading_ = true;
   info_.surroundings->watch->Begin(this, peer_, limit, [weak = weak_from_this()] {
     if (const auto alive = weak.lock()) alive->StopReading();
@@ -114,6 +115,9 @@ void Call::Read() {
 }
 
 void Call::StopReading() {
+  {
+    const std::lock_guard lock(starting_);  // gRPC takes no read after the end
+  }
   if (!reading_.exchange(false)) return;
   const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);
   OnRefused(TooLong(*info_.method, 0, limit));

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -94,7 +95,7 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
 
   // The first message has been asked for.
   virtual void OnBegin() {}
-  // Asks for the next message.
+  // Asks for the next message. The caller keeps this object alive.
   void Read();
   // It has come, and is short enough. On one of gRPC's threads: must be quick.
   virtual void OnMessage(ReceivedMessagePtr message) = 0;
@@ -128,6 +129,7 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
   const absl::Time start_ = absl::Now();
   const std::string peer_;
   std::atomic<bool> ended_ = false;
+  std::mutex starting_;                // held while a read is started
   std::atomic<bool> reading_ = false;  // set by Read(), cleared by the first that ends the read
   bool has_message_ = false;           // has had any; touched between reads
   grpc::ByteBuffer incoming_;
