@@ -83,13 +83,6 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
 }
 
-TEST(ArgumentsTest, NanIsNoNumber) {
-  const ParsedArguments parsed = Parse({"unwrap", "in.obj", "-o", "o.obj", "--timeout=nan"});
-  EXPECT_EQ(parsed.exit_code, kUsage);
-  EXPECT_THAT(parsed.err, ::testing::HasSubstr("nan is not a number"));
-  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--max-stretch=nan"}).exit_code, kUsage);
-}
-
 TEST(ArgumentsTest, Admin) {
   const ParsedArguments drain = Parse({"admin", "drain", "--wait", "--server=h:1"});
   ASSERT_TRUE(drain.arguments) << drain.err;
