@@ -19,6 +19,9 @@ namespace {
 constexpr double kLeastRetrySeconds = 0.05;
 constexpr double kMostRetrySeconds = 60;
 
+// A forecast is made anew after so many times what it took at least: that of a long queue reads all of it.
+constexpr int kForecastRests = 20;
+
 }  // namespace
 
 JobAdmission::JobAdmission(JobContext* context, JobFeed* feed, JobCallers* callers, JobRetention* retention,
@@ -75,7 +78,8 @@ absl::StatusOr<Answer> JobAdmission::AskForecast(const std::function<Answer(Queu
   const absl::Time now = context_.options.steady_clock();
   {
     const std::lock_guard lock(mutex_);
-    if (forecast_.has_value() && now - forecast_time_ < context_.options.forecast_age) return question(&*forecast_);
+    const absl::Duration age = std::max(context_.options.forecast_age, kForecastRests * forecast_cost_);
+    if (forecast_.has_value() && now - forecast_time_ < age) return question(&*forecast_);
   }
   PLANISH_ASSIGN_OR_RETURN(QueueState state, context_.store.Queue());
   QueueForecast forecast(std::move(state), context_.options.tenant_limits, context_.Capacity().workers,
@@ -83,6 +87,7 @@ absl::StatusOr<Answer> JobAdmission::AskForecast(const std::function<Answer(Queu
   const std::lock_guard lock(mutex_);
   forecast_ = std::move(forecast);
   forecast_time_ = now;
+  forecast_cost_ = context_.options.steady_clock() - now;
   return question(&*forecast_);
 }
 

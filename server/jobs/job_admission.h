@@ -108,6 +108,7 @@ class JobAdmission {
   std::map<std::string, std::int64_t> refused_by_reason_;
   mutable std::optional<QueueForecast> forecast_;
   mutable absl::Time forecast_time_ = absl::InfinitePast();  // by the steady clock
+  mutable absl::Duration forecast_cost_;                     // that making it took
 };
 
 }  // namespace planish

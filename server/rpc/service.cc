@@ -359,8 +359,8 @@ class PlanishService : public RpcService {
     auto next = accepted.begin();
     for (int i = begin; i < end; ++i) {
       const auto at = static_cast<std::size_t>(i - begin);
-      absl::StatusOr<AcceptedJob> answer = refused[at];
-      if (refused[at].ok()) answer = std::move(*next++);
+      absl::StatusOr<AcceptedJob> answer =
+          refused[at].ok() ? std::move(*next++) : absl::StatusOr<AcceptedJob>(refused[at]);
       v1::BatchCreateJobsResponse::Result* result = response->add_results();
       if (answer.ok()) {
         *result->mutable_job() = InView(std::move(answer->job), v1::JOB_VIEW_BASIC);

@@ -13,8 +13,9 @@
 namespace planish {
 namespace {
 
-// A word of statements, not a parameter: the indexes of results are partial.
-constexpr int kSucceeded = v1::JOB_STATE_SUCCEEDED;
+// Written into statements, not a parameter of them: the indexes of results are partial.
+constexpr int kSucceeded = 4;
+static_assert(kSucceeded == v1::JOB_STATE_SUCCEEDED);
 
 // SELECT of whole jobs WHERE `condition`.
 std::string JobsWhere(const std::string& condition) {

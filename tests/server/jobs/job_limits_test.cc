@@ -114,7 +114,7 @@ TEST_F(JobLimitsTest, LimitsOfJobsThatEndedMeanNothing) {
   Succeed(names[0]);
   manager_->Cancel(caller_, names[1]).IgnoreError();
   Pass(absl::Hours(48));
-  EXPECT_TRUE(store_->EndOverdue({.now = now_}, 10)->empty());
+  EXPECT_TRUE(store_->EndOverdue({}, 10)->empty());
   EXPECT_EQ(State(names[0]), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(State(names[1]), v1::JOB_STATE_CANCELLED);
 }

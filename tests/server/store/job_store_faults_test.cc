@@ -335,7 +335,7 @@ TEST_F(PostgresTest, IsFoundAgainAfterItCrashed) {
   job.record.mutable_job()->set_name("jobs/1");
   job.record.mutable_job()->set_tenant("ann");
   job.record.mutable_job()->set_state(v1::JOB_STATE_QUEUED);
-  ASSERT_TRUE(store->Accept({absl::Now()}, job).ok());
+  ASSERT_TRUE(store->Accept({}, job).ok());
   server.Crash();
   EXPECT_EQ(ErrorReason(store->Find("jobs/1").status()), "STORE_UNAVAILABLE");
   EXPECT_EQ(ErrorReason(store->Find("jobs/1").status()), "STORE_UNAVAILABLE") << "still";
@@ -344,10 +344,10 @@ TEST_F(PostgresTest, IsFoundAgainAfterItCrashed) {
   EXPECT_TRUE((*store->Find("jobs/1")).has_value()) << "what was acknowledged is durable";
 
   // By the database's own clock.
-  ASSERT_THAT(*store->Claim({absl::Now()}, {"a", absl::Hours(1), 1, 0, ""}), SizeIs(1));
-  EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), IsEmpty());
+  ASSERT_THAT(*store->Claim({}, {"a", absl::Hours(1), 1, 0, ""}), SizeIs(1));
+  EXPECT_THAT(*store->Reap({}, "", 10), IsEmpty());
   EXPECT_THAT(*store->Renew({{"jobs/1", 1, "a"}}, absl::ZeroDuration()), ::testing::ElementsAre(Wish::kGoOn));
-  EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), SizeIs(1));
+  EXPECT_THAT(*store->Reap({}, "", 10), SizeIs(1));
 }
 
 NewJob JobNumber(std::int64_t number) {
@@ -362,16 +362,16 @@ NewJob JobNumber(std::int64_t number) {
 void RunAJob(JobStore* store, std::int64_t number) {
   const NewJob job = JobNumber(number);
   const std::string& name = job.record.job().name();
-  ASSERT_TRUE(store->Accept({absl::Now()}, job).ok());
-  const auto leases = store->Claim({absl::Now()}, {"a", absl::Hours(1), 1, 0, ""});
+  ASSERT_TRUE(store->Accept({}, job).ok());
+  const auto leases = store->Claim({}, {"a", absl::Hours(1), 1, 0, ""});
   ASSERT_TRUE(leases.ok()) << leases.status();
   ASSERT_THAT(*leases, SizeIs(1));
   const Lease& lease = leases->front().lease;
   EXPECT_THAT(*store->Renew({lease}, absl::Hours(1)), ::testing::ElementsAre(Wish::kGoOn));
-  ASSERT_TRUE(store->Report({absl::Now()}, lease, {v1::Progress()}).ok());
+  ASSERT_TRUE(store->Report({}, lease, {v1::Progress()}).ok());
   AttemptOutcome outcome;
   outcome.status.set_code(static_cast<int>(absl::StatusCode::kInvalidArgument));
-  const auto ended = store->Finish({absl::Now()}, lease, outcome);
+  const auto ended = store->Finish({}, lease, outcome);
   ASSERT_TRUE(ended.ok()) << ended.status();
   EXPECT_EQ((**store->Find(name)).job().state(), v1::JOB_STATE_FAILED);
 }
@@ -499,10 +499,10 @@ TEST_F(PostgresTest, AClaimGivesUpWhenItsTurnDoesNotCome) {
   const std::string url = server.NewDatabase();
   const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, kTurns});
   const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
-  ASSERT_TRUE(store->Accept({absl::Now()}, JobNumber(1)).ok());
+  ASSERT_TRUE(store->Accept({}, JobNumber(1)).ok());
   const std::vector<SqlDatabase::Lease> others = TakeAllTurns(database.get());
   ClaimWait wait;
-  const auto claim = [&] { return *store->Claim({absl::Now()}, {"a", absl::Seconds(10), 1, 0, ""}, &wait); };
+  const auto claim = [&] { return *store->Claim({}, {"a", absl::Seconds(10), 1, 0, ""}, &wait); };
   EXPECT_TRUE(claim().empty());
   EXPECT_TRUE(wait.gave_up);
   EXPECT_GE(wait.queued, absl::Milliseconds(20));
@@ -520,7 +520,7 @@ TEST_F(PostgresTest, WorkIsReadWithJobsThatJoinedItBeforeItWasLocked) {
   const auto accept = [&store](std::int64_t number) {
     NewJob job = JobNumber(number);
     job.record.set_work_key("the same");
-    return store->Accept({absl::Now()}, job).status();
+    return store->Accept({}, job).status();
   };
   ASSERT_TRUE(accept(1).ok());
   const auto begin = [&database] {

@@ -9,6 +9,7 @@
 
 #include "absl/time/clock.h"
 #include "gmock/gmock.h"
+#include "google/protobuf/util/time_util.h"
 #include "gtest/gtest.h"
 #include "tests/server/store/job_store_fixture.h"
 
