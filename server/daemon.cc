@@ -404,15 +404,20 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
     capabilities->set_queue_capacity(manager.QueueCapacity(caller));
     UpdateCapabilities(manager.Limits(), manager.Capacity(), capabilities);
   };
-  const std::unique_ptr<grpc::Service> service =
-      NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(), std::move(service_options), &streams);
+  const std::unique_ptr<RpcService> service =
+      NewPlanishService(&manager, stores->uploads.get(), std::move(service_options), &streams);
   Reloader reloader(config.settings);
   Admin admin(&manager, &monitoring, &reloader, &service_manager);
-  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), &(*door)->callers());
+  const std::unique_ptr<RpcService> admin_service = NewAdminService(admin.Actions());
   RpcServerOptions rpc_options;
   rpc_options.listen = flags.listen;
+  rpc_options.callers = &(*door)->callers();
   rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
-  rpc_options.on_call = monitoring.Calls();
+  rpc_options.upload_chunk_bytes = kUploadChunkBytes;
+  rpc_options.on_call = [count = monitoring.Calls()](const EndedCall& call) {
+    count(call);
+    if (!call.hidden.empty()) LogError(call.hidden, {{"call", call.call}, {"reason", call.reason}});
+  };
   (*door)->Configure(&rpc_options);
   std::unique_ptr<RpcServer> rpc;  // null: a worker of a farm answers nobody
   if (AnswersCallers(flags.store.role)) {

@@ -1,6 +1,7 @@
 #include "server/flags.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <iostream>
 #include <optional>
@@ -173,6 +174,18 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
   app->add_option("--worker-program", flags->worker_program)->group("")->configurable(false);
 }
 
+// To CLI11 "nan" is a number within every range.
+void RefuseNan(CLI::App* app) {
+  const auto is_number = [](const std::string& text) {
+    double number = 0;
+    const bool is_nan = CLI::detail::lexical_cast(text, number) && std::isnan(number);
+    return is_nan ? absl::StrCat("Value ", text, " is not a number") : std::string();
+  };
+  for (CLI::Option* option : app->get_options()) {
+    if (option->get_type_name().find("FLOAT") != std::string::npos) option->check(CLI::Validator(is_number, ""));
+  }
+}
+
 // A command line, and where it leads.
 class CommandLine {
  public:
@@ -181,6 +194,7 @@ class CommandLine {
     flags_.workers = std::clamp(Cores(), 1, 1024);
     DefineConfig(&app_, &config_);
     Define(&app_, &flags_, &listen_, &metrics_listen_);
+    RefuseNan(&app_);
     AddGenerate(app_, PLANISH_VERSION, ManPage());
     settings_.emplace(&app_, kEnvironmentPrefix);
   }

@@ -81,7 +81,9 @@ void Monitoring::SetStartError(std::string error) {
 }
 
 CallListener Monitoring::Calls() {
-  return [this](const EndedCall& call) { metrics_.OnCallEnded(call.call, call.code, call.reason, call.duration); };
+  return [this](const EndedCall& call) {
+    metrics_.OnCallEnded(call.call, call.code, call.reason, call.duration, {call.streams, call.submits});
+  };
 }
 
 // ---- the server's life

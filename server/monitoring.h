@@ -23,7 +23,7 @@
 #include "server/metrics/patient_question.h"
 #include "server/metrics/readiness.h"
 #include "server/metrics/server_metrics.h"
-#include "server/rpc/call_observer.h"
+#include "server/rpc/call.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
 

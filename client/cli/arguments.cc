@@ -1,6 +1,7 @@
 #include "client/cli/arguments.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdlib>
 #include <filesystem>
@@ -392,6 +393,22 @@ std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) 
 
 // ---- The command line, and the configuration file under it
 
+// To CLI11 "nan" is a number within every range.
+void RefuseNan(CLI::App& app) {
+  const auto is_number = [](const std::string& text) -> std::string {
+    double number = 0;
+    const bool is_nan = CLI::detail::lexical_cast(text, number) && std::isnan(number);
+    return is_nan ? "Value " + text + " is not a number" : "";
+  };
+  for (CLI::Option* option : app.get_options()) {
+    const std::string type = option->get_type_name();
+    if (type == "FLOAT" || type == "SECONDS" || type == "N" || type == "X") {
+      option->check(CLI::Validator(is_number, ""));
+    }
+  }
+  for (CLI::App* command : app.get_subcommands(nullptr)) RefuseNan(*command);
+}
+
 struct CommandLine {
   Arguments arguments;
   CLI::App app{"Unwraps triangle meshes by Angle Based Flattening", "planish"};
@@ -402,6 +419,7 @@ struct CommandLine {
     DefineUnwrap(app, arguments);
     DefineMapCommands(app, arguments);
     DefineServerCommands(app, arguments);
+    RefuseNan(app);
     app.footer(kExamples);  // now, or every command would have it
     app.set_version_flag(
         "--version", [] { return std::string("planish ") + Version(); }, "Print the version and exit");

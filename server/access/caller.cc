@@ -14,7 +14,9 @@ absl::Status Missing(const std::string& right) {
 
 absl::Status Caller::CheckRight(Need need) const {
   if (need == Need::kSubmit && !rights.submit) return Missing("submit");
-  if (need == Need::kJobs && !rights.jobs && !rights.all_jobs) return Missing("jobs");
+  const bool has_jobs = rights.jobs || rights.all_jobs;
+  if (need == Need::kFollow && !rights.submit && !has_jobs) return Missing("jobs");
+  if (need == Need::kJobs && !has_jobs) return Missing("jobs");
   if (need == Need::kAdmin && !rights.admin) return Missing("admin");
   return absl::OkStatus();
 }

@@ -21,7 +21,14 @@ struct Rights {
 };
 
 // What a call is about, as far as rights go.
-enum class Need { kNothing, kSubmit, kJobs, kAdmin };
+enum class Need {
+  kNobody,   // no credentials at all
+  kNothing,  // credentials, with any rights or none
+  kSubmit,
+  kFollow,  // follow and end what one's own Unwrap began: "submit" or "jobs"
+  kJobs,
+  kAdmin,
+};
 
 struct Caller {
   std::string tenant;

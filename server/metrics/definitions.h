@@ -133,9 +133,10 @@ inline const MetricDefinition kUvBytes = {"planish_uv_sent_bytes_total", kCounte
 
 // ---- calls
 
-inline const MetricDefinition kCalls = {
-    "planish_calls_total", kCounter, "call, code",
-    "Calls that ended. call: the method's name; code: gRPC's name of how it ended."};
+inline const MetricDefinition kCalls = {"planish_calls_total", kCounter, "call, code",
+                                        "Calls that ended. call: the method's name, OTHER for calls of methods that "
+                                        "there are not; code: gRPC's name of how it "
+                                        "ended."};
 inline const MetricDefinition kCallTime = {"planish_call_seconds", kHistogram, "call",
                                            "Seconds that calls took, those that stream left out.", kCallSeconds};
 inline const MetricDefinition kStreams = {"planish_streams_open", kGauge, "", "Streams of Unwrap and WatchJob."};

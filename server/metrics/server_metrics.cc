@@ -63,17 +63,6 @@ double Sane(double number) {
   return std::isfinite(number) && number > 0 ? number : 0;
 }
 
-// Unwrap and WatchJob last as long as jobs do, WaitJob as long as its caller wants, WriteUpload as long as its sender
-// takes.
-bool Streams(const std::string& call) {
-  return call == "Unwrap" || call == "WatchJob" || call == "WaitJob" || call == "WriteUpload";
-}
-
-bool Submits(const std::string& call) {
-  return call == "Unwrap" || call == "CreateJob" || call == "BatchCreateJobs" || call == "CreateUpload" ||
-         call == "WriteUpload";
-}
-
 // Ends that no server brings about.
 bool IsCallersEnd(absl::StatusCode code) {
   return code == absl::StatusCode::kCancelled || code == absl::StatusCode::kDeadlineExceeded;
@@ -282,11 +271,11 @@ int ServerMetrics::workers_ready() const {
 }
 
 void ServerMetrics::OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason,
-                                absl::Duration duration) {
+                                absl::Duration duration, const CallTraits& traits) {
   Families& f = *families_;
   f.calls.Add({{"call", call}, {"code", absl::StatusCodeToString(code)}}).Increment();
-  if (!Streams(call)) f.call_seconds.Add({{"call", call}}).Observe(absl::ToDoubleSeconds(duration));
-  if (Submits(call) && code != absl::StatusCode::kOk && !IsCallersEnd(code)) {
+  if (!traits.streams) f.call_seconds.Add({{"call", call}}).Observe(absl::ToDoubleSeconds(duration));
+  if (traits.submits && code != absl::StatusCode::kOk && !IsCallersEnd(code)) {
     f.rejections.Add({{"call", call}, {"reason", f.reasons.Reason(reason)}}).Increment();
   }
 }

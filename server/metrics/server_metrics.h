@@ -56,8 +56,15 @@ class ServerMetrics : public JobObserver {
   // Started and not ended.
   int workers_ready() const;
 
-  // ---- calls. `call` is the method's name, `reason` that of its error, "" if there is none.
-  void OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason, absl::Duration duration);
+  // ---- calls
+  struct CallTraits {
+    bool streams = false;  // lasts as long as a job or a caller wants
+    bool submits = false;  // makes a job or an upload, or makes one grow
+  };
+  // `call` is the name of one of the server's methods, or "OTHER": names that callers make up would each become a
+  // label. `reason` is that of its error, "" if there is none.
+  void OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason, absl::Duration duration,
+                   const CallTraits& traits);
 
   // All of it in Prometheus's text format 0.0.4.
   std::string Text(const ServerGauges& gauges) const;

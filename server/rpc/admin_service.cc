@@ -2,10 +2,10 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "planish/admin/v1/admin.grpc.pb.h"
-#include "server/rpc/grpc_status.h"
 #include "server/rpc/task_threads.h"
+#include "server/rpc/unary_call.h"
 
 namespace planish {
 namespace {
@@ -19,59 +19,41 @@ using admin::v1::Stats;
 using admin::v1::UndrainRequest;
 using admin::v1::UndrainResponse;
 
-class AdminService : public admin::v1::Admin::CallbackService {
+class AdminService : public RpcService {
  public:
-  AdminService(AdminActions actions, const CallerSource* callers) : actions_(std::move(actions)), callers_(callers) {}
-
-  grpc::ServerUnaryReactor* Drain(grpc::CallbackServerContext* context, const DrainRequest*, DrainResponse*) override {
-    return Answer(context, actions_.drain);
-  }
-
-  grpc::ServerUnaryReactor* Undrain(grpc::CallbackServerContext* context, const UndrainRequest*,
-                                    UndrainResponse*) override {
-    return Answer(context, actions_.undrain);
-  }
-
-  grpc::ServerUnaryReactor* GetStats(grpc::CallbackServerContext* context, const GetStatsRequest*,
-                                     Stats* response) override {
-    return Answer(context, [this, response] {
-      *response = actions_.stats();
-      return absl::OkStatus();
+  explicit AdminService(AdminActions actions) : actions_(std::move(actions)) {
+    Add<DrainRequest, DrainResponse>("Drain", [this]() -> absl::StatusOr<DrainResponse> {
+      PLANISH_RETURN_IF_ERROR(actions_.drain());
+      return DrainResponse();
     });
+    Add<UndrainRequest, UndrainResponse>("Undrain", [this]() -> absl::StatusOr<UndrainResponse> {
+      PLANISH_RETURN_IF_ERROR(actions_.undrain());
+      return UndrainResponse();
+    });
+    Add<GetStatsRequest, Stats>("GetStats", [this]() -> absl::StatusOr<Stats> { return actions_.stats(); });
+    Add<GetConfigRequest, Config>("GetConfig", [this]() -> absl::StatusOr<Config> { return actions_.config(); });
   }
 
-  grpc::ServerUnaryReactor* GetConfig(grpc::CallbackServerContext* context, const GetConfigRequest*,
-                                      Config* response) override {
-    return Answer(context, [this, response] {
-      *response = actions_.config();
-      return absl::OkStatus();
-    });
-  }
+  const std::vector<Endpoint>& endpoints() const override { return endpoints_; }
 
  private:
-  absl::Status Admit(const grpc::CallbackServerContext& context) const {
-    PLANISH_ASSIGN_OR_RETURN(const Caller caller, callers_->Identify(context));
-    return caller.CheckRight(Need::kAdmin);
-  }
-
-  grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, std::function<absl::Status()> act) {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    thread_.Post("", [this, context, reactor, act = std::move(act)] {
-      const absl::Status admitted = Admit(*context);
-      reactor->Finish(ToGrpcStatus(admitted.ok() ? act() : admitted));
-    });
-    return reactor;
+  template <class Request, class Response>
+  void Add(const std::string& name, std::function<absl::StatusOr<Response>()> act) {
+    endpoints_.push_back(
+        {&MethodAt(absl::StrCat("/planish.admin.v1.Admin/", name)),
+         MakeUnaryCalls(&thread_, ParsedUnary<Request, Response>(
+                                      [act = std::move(act)](const CallInfo&, Request*) { return act(); }))});
   }
 
   const AdminActions actions_;
-  const CallerSource* const callers_;
+  std::vector<Endpoint> endpoints_;
   TaskThreads thread_{1};
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> NewAdminService(AdminActions actions, const CallerSource* callers) {
-  return std::make_unique<AdminService>(std::move(actions), callers);
+std::unique_ptr<RpcService> NewAdminService(AdminActions actions) {
+  return std::make_unique<AdminService>(std::move(actions));
 }
 
 }  // namespace planish

@@ -5,9 +5,8 @@
 #include <memory>
 
 #include "absl/status/status.h"
-#include "grpcpp/impl/service_type.h"
 #include "planish/admin/v1/admin.pb.h"
-#include "server/rpc/caller_source.h"
+#include "server/rpc/call.h"
 
 namespace planish {
 
@@ -20,7 +19,6 @@ struct AdminActions {
   std::function<admin::v1::Config()> config;
 };
 
-// `callers` must outlive the service, and it must outlive the RpcServer's Shutdown().
-std::unique_ptr<grpc::Service> NewAdminService(AdminActions actions, const CallerSource* callers);
+std::unique_ptr<RpcService> NewAdminService(AdminActions actions);
 
 }  // namespace planish

@@ -1,7 +1,10 @@
 #include "server/rpc/grpc_status.h"
 
 #include <string>
+#include <utility>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "google/rpc/error_details.pb.h"
 #include "server/link/rpc_status.h"
 
@@ -18,6 +21,24 @@ void Cut(std::string* text) {
   while (end > 0 && is_continuation((*text)[end])) --end;
   text->resize(end);
   text->append("...");
+}
+
+// Where the server keeps its files is for its log only.
+std::string WithoutPaths(const std::string& text) {
+  const auto begins_word = [](char c) { return absl::ascii_isspace(c) || absl::StrContains("\"'(=<", c); };
+  const auto ends_path = [](char c) { return absl::ascii_isspace(c) || absl::StrContains("\"')>:;,", c); };
+  std::string shown;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool is_path =
+        text[i] == '/' && (i == 0 || begins_word(text[i - 1])) && i + 1 < text.size() && !ends_path(text[i + 1]);
+    if (!is_path) {
+      shown.push_back(text[i]);
+      continue;
+    }
+    while (i + 1 < text.size() && !ends_path(text[i + 1])) ++i;
+    shown.append("(a file of the server)");
+  }
+  return shown;
 }
 
 // Which field is wrong, as the details of the error say it already.
@@ -38,6 +59,7 @@ void AddFieldViolation(google::rpc::Status* rpc) {
 
 google::rpc::Status ToCallStatus(const absl::Status& status) {
   google::rpc::Status rpc = ToRpcStatus(status);
+  if (HidesPaths(status)) *rpc.mutable_message() = WithoutPaths(rpc.message());
   Cut(rpc.mutable_message());
   AddFieldViolation(&rpc);
   if (rpc.ByteSizeLong() > kMaxDetails) {
@@ -49,6 +71,12 @@ google::rpc::Status ToCallStatus(const absl::Status& status) {
     }
   }
   return rpc;
+}
+
+bool HidesPaths(const absl::Status& status) {
+  if (status.ok() || status.code() == absl::StatusCode::kInvalidArgument) return false;
+  const std::string message(status.message());
+  return WithoutPaths(message) != message;
 }
 
 grpc::Status ToGrpcStatus(const absl::Status& status) {

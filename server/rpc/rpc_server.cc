@@ -7,12 +7,9 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "grpcpp/client_context.h"
-#include "grpcpp/ext/proto_server_reflection_plugin.h"
 #include "grpcpp/generic/generic_stub.h"
 #include "grpcpp/health_check_service_interface.h"
-#include "grpcpp/resource_quota.h"
 #include "grpcpp/security/server_credentials.h"
-#include "grpcpp/server_builder.h"
 #include "grpcpp/server_posix.h"
 
 namespace planish {
@@ -20,9 +17,10 @@ namespace {
 
 constexpr char kServiceName[] = "planish.v1.Planish";
 
-// What a request may hold beside the mesh, and how much too large a mesh may be to get an answer from us, with error
-// details, instead of gRPC's bare one.
-constexpr std::int64_t kMessageSlack = std::int64_t{16} << 20;
+// What a request may hold beside the mesh, and beside the piece of an upload.
+constexpr std::int64_t kJobSlack = std::int64_t{16} << 20;
+constexpr std::int64_t kPieceSlack = std::int64_t{64} << 10;
+constexpr std::int64_t kDefaultPieceBytes = std::int64_t{1} << 20;
 
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
@@ -32,10 +30,17 @@ constexpr int kHandshakeTimeoutMs = 20'000;
 // Of one connection. A proxy opens more connections; one that is out for trouble costs no more than that.
 constexpr int kMaxStreams = 4096;
 
-void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
-  const std::int64_t limit =
-      std::min<std::int64_t>(options.max_mesh_bytes + kMessageSlack, std::numeric_limits<int>::max());
-  builder->SetMaxReceiveMessageSize(static_cast<int>(limit));
+void Configure(grpc::ServerBuilder* builder) {
+  // Call and ReadWatch limit the length of messages. gRPC's own limit is checked when all of a message is there.
+  builder->SetMaxReceiveMessageSize(-1);
+  // Calls with compressed messages end with UNIMPLEMENTED. A few bytes would become as many as one wants, before
+  // anybody can look at them.
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder->AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
+  // What a stream may send unread. gRPC would begin with 64 KiB and go up to 4 MiB by itself.
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, static_cast<int>(ReadWatch::kLookaheadBytes));
   // Two servers on one port would share its connections at random.
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   // A caller whose machine vanished is noticed within kKeepaliveMs + kKeepaliveTimeoutMs, and its job cancelled.
@@ -43,14 +48,14 @@ void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  if (options.on_call) builder->experimental().SetInterceptorCreators(ListenToCalls(options.on_call));
   builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
-  if (options.quota_bytes > 0) {
-    grpc::ResourceQuota quota("planishd");
-    quota.Resize(static_cast<std::size_t>(options.quota_bytes));
-    builder->SetResourceQuota(quota);
-  }
+}
+
+MethodLimits LimitsOf(const RpcServerOptions& options) {
+  constexpr std::int64_t kMost = std::numeric_limits<int>::max();
+  const std::int64_t piece = options.upload_chunk_bytes > 0 ? options.upload_chunk_bytes : kDefaultPieceBytes;
+  return {std::min(options.max_mesh_bytes + kJobSlack, kMost), std::min(piece + kPieceSlack, kMost)};
 }
 
 absl::Status CannotListen(const ListenAddress& address, const std::string& why) {
@@ -59,16 +64,36 @@ absl::Status CannotListen(const ListenAddress& address, const std::string& why) 
 
 }  // namespace
 
+RpcServer::RpcServer(const RpcServerOptions& options)
+    : memory_(options.quota_bytes),
+      surroundings_{&memory_, &watch_, LimitsOf(options), options.on_call},
+      entrance_(options.callers, &surroundings_) {}
+
+void RpcServer::Register(const std::vector<RpcService*>& services, grpc::ServerBuilder* builder) {
+  std::vector<RpcService*> all = services;
+  all.push_back(&health_);
+  std::vector<std::string> names;
+  for (const RpcService* service : all) names.emplace_back(service->endpoints().front().method->service);
+  names.push_back("grpc.reflection.v1alpha.ServerReflection");
+  reflection_ = std::make_unique<ReflectionService>(std::move(names));
+  all.push_back(reflection_.get());
+  for (RpcService* service : all) {
+    services_.push_back(entrance_.Open(*service));
+    builder->RegisterService(services_.back().get());
+  }
+  builder->RegisterCallbackGenericService(&entrance_);
+  if (memory_.is_limited()) builder->SetResourceQuota(memory_.quota());
+}
+
 absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options,
-                                                            const std::vector<grpc::Service*>& services) {
-  grpc::EnableDefaultHealthCheckService(true);
-  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+                                                            const std::vector<RpcService*>& services) {
+  grpc::EnableDefaultHealthCheckService(false);
 
   grpc::ServerBuilder builder;
-  Configure(options, &builder);
+  Configure(&builder);
   std::vector<int> ports(options.listen.size(), 0);
   std::vector<std::unique_ptr<UnixListener>> listeners;
-  std::unique_ptr<RpcServer> rpc_server(new RpcServer);
+  std::unique_ptr<RpcServer> rpc_server(new RpcServer(options));
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
     const ListenAddress& address = options.listen[i];
     if (address.unix_path.empty()) {
@@ -83,7 +108,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     listeners.push_back(*std::move(listener));
     rpc_server->socket_files_.push_back(std::make_unique<SocketFile>(address.unix_path));
   }
-  for (grpc::Service* service : services) builder.RegisterService(service);
+  rpc_server->Register(services, &builder);
 
   rpc_server->server_ = builder.BuildAndStart();
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
@@ -119,7 +144,7 @@ RpcServer::~RpcServer() {
 }
 
 void RpcServer::SetReady(bool ready) {
-  server_->GetHealthCheckService()->SetServingStatus(kServiceName, ready);
+  health_.Set(kServiceName, ready);
 }
 
 // By hand, since Debian has no generated code for the health service. A request without a field is for "".

@@ -12,18 +12,27 @@
 #include "grpcpp/channel.h"
 #include "grpcpp/impl/service_type.h"
 #include "grpcpp/server.h"
-#include "server/rpc/call_observer.h"
+#include "grpcpp/server_builder.h"
+#include "server/rpc/call.h"
+#include "server/rpc/caller_source.h"
+#include "server/rpc/entrance.h"
+#include "server/rpc/health.h"
 #include "server/rpc/listen_address.h"
+#include "server/rpc/message_memory.h"
 #include "server/rpc/peer_users.h"
+#include "server/rpc/read_watch.h"
+#include "server/rpc/reflection.h"
 #include "server/rpc/tls_identity.h"
 #include "server/rpc/unix_acceptor.h"
 
 namespace planish {
 
 struct RpcServerOptions {
-  std::vector<ListenAddress> listen;  // at least one
+  std::vector<ListenAddress> listen;      // at least one
+  const CallerSource* callers = nullptr;  // must outlive the server
   std::int64_t max_mesh_bytes = 0;
-  CallListener on_call;  // null: nobody listens
+  std::int64_t upload_chunk_bytes = 0;  // of data in one message; 0: 1 MiB
+  CallListener on_call;                 // null: nobody listens
 
   // For all TCP addresses; null: plaintext. Unix sockets never need it.
   std::shared_ptr<TlsIdentity> tls;
@@ -31,7 +40,8 @@ struct RpcServerOptions {
   PeerUsers* peers = nullptr;
   // Of socket files, as for chmod.
   unsigned socket_mode = 0600;
-  // Bytes that connections and messages on the way in may take together, more or less; 0: no limit. server/README.md.
+  // Bytes that connections and messages on the way in may take together, more or less, and bytes that parsed messages
+  // may take; 0: no limit. MessageMemory.
   std::int64_t quota_bytes = 0;
 };
 
@@ -41,7 +51,7 @@ class RpcServer {
   // Serves `services` from its return on; they must outlive the server. UNAVAILABLE with a message that names the
   // address that cannot be had, and why.
   static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
-                                                          const std::vector<grpc::Service*>& services);
+                                                          const std::vector<RpcService*>& services);
 
   // Shutdown(now) if nobody did.
   ~RpcServer();
@@ -60,11 +70,19 @@ class RpcServer {
   void Shutdown(absl::Time deadline);
 
  private:
-  RpcServer() = default;
+  explicit RpcServer(const RpcServerOptions& options);
+  void Register(const std::vector<RpcService*>& services, grpc::ServerBuilder* builder);
   void ServeUnixSockets(std::vector<std::unique_ptr<UnixListener>> listeners, PeerUsers* peers);
 
-  // Constant after Start().
+  // Constant after Start(). All that calls use is above server_, which ends them.
   std::vector<std::string> addresses_;
+  MessageMemory memory_;
+  ReadWatch watch_;
+  const CallSurroundings surroundings_;
+  HealthService health_;
+  std::unique_ptr<ReflectionService> reflection_;
+  Entrance entrance_;
+  std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;
 
   std::mutex mutex_;

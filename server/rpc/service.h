@@ -4,11 +4,10 @@
 #include <functional>
 #include <memory>
 
-#include "grpcpp/impl/service_type.h"
 #include "planish/v1/planish.pb.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
-#include "server/rpc/caller_source.h"
+#include "server/rpc/call.h"
 #include "server/rpc/stream_counter.h"
 
 namespace planish {
@@ -23,10 +22,9 @@ struct ServiceOptions {
   std::function<void(const Caller&, v1::Capabilities*)> update_capabilities;
 };
 
-// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads`, `callers` and `streams`, which counts
-// the streams of this service, must outlive it, and it must outlive the RpcServer's Shutdown(). The type stays hidden
-// because the generated header takes long to compile.
-std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, UploadStore* uploads, const CallerSource* callers,
-                                                 ServiceOptions options, StreamCounter* streams);
+// Contracts of the calls: proto/planish/v1/planish.proto; what they take: methods.h. `manager`, `uploads` and
+// `streams`, which counts the streams of this service, must outlive it.
+std::unique_ptr<RpcService> NewPlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options,
+                                              StreamCounter* streams);
 
 }  // namespace planish

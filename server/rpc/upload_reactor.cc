@@ -9,7 +9,6 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/link/rpc_status.h"
-#include "server/rpc/grpc_status.h"
 
 namespace planish {
 namespace {
@@ -25,38 +24,12 @@ absl::Status Draining() {
                         kRetryDelay);
 }
 
-// Either a read or a task is under way, never both, and the task's data need no lock. Owns itself until gRPC is done
-// with it.
-class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest>,
-                      public Interruptible,
-                      public std::enable_shared_from_this<UploadReactor> {
+// Either a read or a task is under way, never both, and the task's data need no lock.
+class UploadReactor : public Call, public Interruptible {
  public:
-  static UploadReactor* Start(const absl::StatusOr<Caller>& caller, UploadStore* uploads, std::int64_t max_chunk_bytes,
-                              TaskThreads* tasks, StreamCounter* streams, v1::Upload* response) {
-    const auto reactor =
-        std::make_shared<UploadReactor>(caller.ok() ? *caller : Caller(), uploads, max_chunk_bytes, tasks, response);
-    reactor->self_ = reactor;
-    if (!caller.ok()) {
-      reactor->Finish(ToGrpcStatus(caller.status()));
-      return reactor.get();
-    }
-    reactor->StartRead(&reactor->request_);
-    streams->AddSender(reactor);
-    return reactor.get();
-  }
-
-  UploadReactor(const Caller& caller, UploadStore* uploads, std::int64_t max_chunk_bytes, TaskThreads* tasks,
-                v1::Upload* response)
-      : caller_(caller), uploads_(uploads), max_chunk_bytes_(max_chunk_bytes), tasks_(tasks), response_(response) {}
-
-  void OnReadDone(bool ok) override {
-    {
-      const std::lock_guard lock(mutex_);
-      if (finished_) return;  // Interrupt() ended the read
-      busy_ = true;
-    }
-    tasks_->Post(caller_.tenant, [self = shared_from_this(), ok] { self->Go(ok); });
-  }
+  UploadReactor(CallInfo call, UploadStore* uploads, std::int64_t max_chunk_bytes, TaskThreads* tasks,
+                StreamCounter* streams)
+      : Call(std::move(call)), uploads_(uploads), max_chunk_bytes_(max_chunk_bytes), tasks_(tasks), streams_(streams) {}
 
   void Interrupt() override {
     {
@@ -64,64 +37,85 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest>,
       interrupted_ = true;
       if (busy_ || std::exchange(finished_, true)) return;  // the task sees to it
     }
-    End(Draining());
+    Conclude(Draining());
   }
 
-  void OnDone() override { self_.reset(); }
-
  private:
-  void Go(bool ok) {
-    absl::Status status = ok ? Take() : Answer();
+  void OnBegin() override { streams_->AddSender(Self()); }
+
+  void OnMessage(ReceivedMessagePtr message) override { Go(std::move(message)); }
+  void OnNoMessage() override { Go(nullptr); }
+
+  void OnRefused(const absl::Status& status) override {
+    {
+      const std::lock_guard lock(mutex_);
+      if (std::exchange(finished_, true)) return;
+    }
+    Conclude(status);
+  }
+
+  std::shared_ptr<UploadReactor> Self() { return std::static_pointer_cast<UploadReactor>(shared_from_this()); }
+
+  // Null: there is no other message.
+  void Go(ReceivedMessagePtr message) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (finished_) return;  // Interrupt() ended the read
+      busy_ = true;
+    }
+    tasks_->Post(info().caller.tenant, [self = Self(), message = std::move(message)] {
+      message != nullptr ? self->Append(*message) : self->Conclude(self->Answer());
+    });
+  }
+
+  void Append(ReceivedMessage& message) {
+    absl::Status status = Take(message);
     {
       const std::lock_guard lock(mutex_);
       busy_ = false;
-      if (ok && status.ok() && interrupted_) status = Draining();
-      finished_ = !ok || !status.ok();
+      if (status.ok() && interrupted_) status = Draining();
+      finished_ = !status.ok();
       if (!finished_) {
-        StartRead(&request_);  // under the lock: Interrupt() must not come before it
+        Read();  // under the lock: Interrupt() must not come before it
         return;
       }
     }
-    End(status);
+    Conclude(status);
   }
 
-  // Requires that this thread set finished_.
-  void End(const absl::Status& status) {
+  // Requires that nothing else is under way, and nothing will be.
+  void Conclude(const absl::StatusOr<v1::Upload>& upload) {
     writer_ = UploadWriter();  // before the caller hears of it, and may come back
-    Finish(ToGrpcStatus(status));
+    upload.ok() ? EndWith(*upload) : End(upload.status());
   }
 
-  absl::Status Take() {
+  absl::Status Take(ReceivedMessage& message) {
+    v1::WriteUploadRequest request;
+    PLANISH_RETURN_IF_ERROR(message.Parse(&request));
     if (writer_.name().empty()) {
-      if (request_.name().empty()) return FieldInvalid("name", "the first message must name the upload");
-      PLANISH_ASSIGN_OR_RETURN(writer_, uploads_->Write(caller_, request_.name()));
-    } else if (!request_.name().empty() && request_.name() != writer_.name()) {
+      if (request.name().empty()) return FieldInvalid("name", "the first message must name the upload");
+      PLANISH_ASSIGN_OR_RETURN(writer_, uploads_->Write(info().caller, request.name()));
+    } else if (!request.name().empty() && request.name() != writer_.name()) {
       return FieldInvalid("name", "one call writes to one upload");
     }
-    if (static_cast<std::int64_t>(request_.data().size()) > max_chunk_bytes_) {
+    if (static_cast<std::int64_t>(request.data().size()) > max_chunk_bytes_) {
       return FieldInvalid(
-          "data", absl::StrCat("data has ", request_.data().size(), " bytes; a message may have ", max_chunk_bytes_));
+          "data", absl::StrCat("data has ", request.data().size(), " bytes; a message may have ", max_chunk_bytes_));
     }
-    return writer_.Append(request_.offset(), request_.data());
+    return writer_.Append(request.offset(), request.data());
   }
 
   // The caller has sent all it wants to send, or is gone.
-  absl::Status Answer() {
+  absl::StatusOr<v1::Upload> Answer() {
     if (writer_.name().empty()) return FieldInvalid("name", "the call has no message");
-    PLANISH_ASSIGN_OR_RETURN(*response_, uploads_->Get(caller_, writer_.name()));
-    return absl::OkStatus();
+    return uploads_->Get(info().caller, writer_.name());
   }
 
-  const Caller caller_;
   UploadStore* const uploads_;
   const std::int64_t max_chunk_bytes_;
   TaskThreads* const tasks_;
-  v1::Upload* const response_;
-  v1::WriteUploadRequest request_;
+  StreamCounter* const streams_;
   UploadWriter writer_;
-
-  // Set by Start(), dropped by OnDone().
-  std::shared_ptr<UploadReactor> self_;
 
   std::mutex mutex_;
   // Guarded by mutex_.
@@ -132,11 +126,9 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest>,
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(const absl::StatusOr<Caller>& caller,
-                                                               UploadStore* uploads, std::int64_t max_chunk_bytes,
-                                                               TaskThreads* tasks, StreamCounter* streams,
-                                                               v1::Upload* response) {
-  return UploadReactor::Start(caller, uploads, max_chunk_bytes, tasks, streams, response);
+std::shared_ptr<Call> ReceiveUpload(CallInfo info, UploadStore* uploads, std::int64_t max_chunk_bytes,
+                                    TaskThreads* tasks, StreamCounter* streams) {
+  return std::make_shared<UploadReactor>(std::move(info), uploads, max_chunk_bytes, tasks, streams);
 }
 
 }  // namespace planish

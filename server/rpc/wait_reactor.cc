@@ -6,41 +6,36 @@
 
 #include "absl/time/clock.h"
 #include "grpcpp/alarm.h"
-#include "server/rpc/grpc_status.h"
 
 namespace planish {
 namespace {
 
-// Lives until OnDone(), which comes after Finish(). The log and the alarm hold weak pointers only.
-class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_from_this<WaitReactor> {
+// The log and the alarm hold weak pointers only.
+class WaitReactor : public Call {
  public:
-  static grpc::ServerUnaryReactor* Start(WaitedJob job, TenantTasks tasks, v1::Job* response) {
-    const auto reactor = std::make_shared<WaitReactor>(std::move(job), std::move(tasks), response);
-    reactor->self_ = reactor;
-    reactor->tasks_.Post([reactor] { reactor->Open(); });
-    return reactor.get();
-  }
+  WaitReactor(CallInfo call, WaitOpener open, TenantTasks tasks)
+      : Call(std::move(call)), open_(std::move(open)), tasks_(std::move(tasks)) {}
 
-  WaitReactor(WaitedJob job, TenantTasks tasks, v1::Job* response)
-      : job_(std::move(job)), tasks_(std::move(tasks)), response_(response) {}
-
-  void OnCancel() override { End(absl::CancelledError("the caller is gone")); }
-
-  void OnDone() override {
-    subscription_.reset();
-    self_.reset();
-  }
+  void OnCancel() override { Settle(absl::CancelledError("the caller is gone")); }
 
  private:
-  void Open() {
+  void OnMessage(ReceivedMessagePtr message) override {
+    tasks_.Post([self = Self(), message = std::move(message)] { self->Open(*message); });
+  }
+
+  void OnEnd() override { subscription_.reset(); }
+
+  std::shared_ptr<WaitReactor> Self() { return std::static_pointer_cast<WaitReactor>(shared_from_this()); }
+
+  void Open(ReceivedMessage& message) {
     {
       const std::lock_guard lock(mutex_);
-      if (ended_) return;  // the caller is gone
+      if (settled_) return;  // the caller is gone
     }
-    absl::StatusOr<WatchedJob> watched = job_.find();
-    if (!watched.ok()) return End(watched.status());
-    const std::weak_ptr<WaitReactor> weak = weak_from_this();
-    const std::shared_ptr<const JobEventLog> events = watched->events;
+    absl::StatusOr<WaitedJob> wait = open_(info(), message);
+    if (!wait.ok()) return Settle(wait.status());
+    const std::weak_ptr<WaitReactor> weak = Self();
+    const std::shared_ptr<const JobEventLog> events = wait->job.events;
     auto subscription = events->Subscribe([weak, log = std::weak_ptr(events)] {
       const auto alive = weak.lock();
       const auto held = log.lock();
@@ -48,48 +43,45 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
     });
     {
       const std::lock_guard lock(mutex_);
-      if (ended_) return;
+      if (settled_) return;
+      get_ = std::move(wait->get);
       subscription_ = std::move(subscription);
       events_ = events;
     }
     Check(*events);
     // Not under the lock: an alarm that is due may ring on this thread.
-    alarm_.Set(absl::ToChronoTime(absl::Now() + job_.timeout), [weak](bool) {
-      if (const auto alive = weak.lock()) alive->End(absl::OkStatus());
+    alarm_.Set(absl::ToChronoTime(absl::Now() + wait->timeout), [weak](bool) {
+      if (const auto alive = weak.lock()) alive->Settle(absl::OkStatus());
     });
   }
 
   void Check(const JobEventLog& events) {
     const JobEventLog::Read read = events.ReadAfter(events.last_sequence());
-    if (read.ended) End(read.status);
+    if (read.ended) Settle(read.status);
   }
 
   // Any thread; the first one decides.
-  void End(const absl::Status& status) {
+  void Settle(const absl::Status& status) {
     {
       const std::lock_guard lock(mutex_);
-      if (std::exchange(ended_, true)) return;
+      if (std::exchange(settled_, true)) return;
     }
-    tasks_.Post([self = shared_from_this(), status] { self->Answer(status); });
+    tasks_.Post([self = Self(), status] { self->Answer(status); });
   }
 
   void Answer(const absl::Status& status) {
-    if (!status.ok()) return Finish(ToGrpcStatus(status));
-    absl::StatusOr<v1::Job> job = job_.get();
-    if (job.ok()) *response_ = *std::move(job);
-    Finish(ToGrpcStatus(job.status()));
+    if (!status.ok()) return End(status);
+    const absl::StatusOr<v1::Job> job = get_();
+    job.ok() ? EndWith(*job) : End(job.status());
   }
 
-  const WaitedJob job_;
+  const WaitOpener open_;
   const TenantTasks tasks_;
-  v1::Job* const response_;
-
-  // Set by Start(), dropped by OnDone().
-  std::shared_ptr<WaitReactor> self_;
 
   std::mutex mutex_;
-  // Guarded by mutex_; the subscription is dropped by OnDone(), after the end.
-  bool ended_ = false;
+  // Guarded by mutex_; the subscription is dropped by OnEnd(), and what `get_` says is asked for once settled.
+  bool settled_ = false;
+  std::function<absl::StatusOr<v1::Job>()> get_;
   std::shared_ptr<const JobEventLog> events_;  // keeps them alive while we wait
   JobEventLog::Subscription subscription_;
 
@@ -98,8 +90,8 @@ class WaitReactor : public grpc::ServerUnaryReactor, public std::enable_shared_f
 
 }  // namespace
 
-grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TenantTasks tasks, v1::Job* response) {
-  return WaitReactor::Start(std::move(job), std::move(tasks), response);
+std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TenantTasks tasks) {
+  return std::make_shared<WaitReactor>(std::move(info), std::move(open), std::move(tasks));
 }
 
 }  // namespace planish

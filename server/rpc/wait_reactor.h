@@ -2,24 +2,28 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "grpcpp/support/server_callback.h"
 #include "planish/v1/planish.pb.h"
+#include "server/jobs/job_manager.h"
+#include "server/rpc/call.h"
 #include "server/rpc/task_threads.h"
-#include "server/rpc/watch_reactor.h"
 
 namespace planish {
 
 struct WaitedJob {
-  JobFinder find;                                // its events; on a task thread
-  std::function<absl::StatusOr<v1::Job>()> get;  // the job as it is now; likewise
+  WatchedJob job;
+  std::function<absl::StatusOr<v1::Job>()> get;  // the job as it is then; runs on a task thread
   absl::Duration timeout;
 };
 
+// Finds the job that a request is about; runs on a task thread.
+using WaitOpener = std::function<absl::StatusOr<WaitedJob>(const CallInfo&, ReceivedMessage& request)>;
+
 // Answers with what `get` says once the job has ended, its log was interrupted (that error instead), or the timeout has
-// passed. `response` and the threads of `tasks` outlive the call.
-grpc::ServerUnaryReactor* AwaitJob(WaitedJob job, TenantTasks tasks, v1::Job* response);
+// passed. The threads of `tasks` outlive the call.
+std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TenantTasks tasks);
 
 }  // namespace planish

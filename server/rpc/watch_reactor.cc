@@ -10,7 +10,6 @@
 #include "absl/time/time.h"
 #include "grpcpp/alarm.h"
 #include "server/rpc/call_deadline.h"
-#include "server/rpc/grpc_status.h"
 
 namespace planish {
 namespace {
@@ -18,25 +17,19 @@ namespace {
 // Shorter intervals between progress events are as good as none.
 constexpr absl::Duration kUnpacedInterval = absl::Milliseconds(20);
 
-// Owns itself until gRPC is done with it.
 template <class Response>
-class WatchReactor : public grpc::ServerWriteReactor<Response>,
-                     public std::enable_shared_from_this<WatchReactor<Response>> {
+class WatchReactor : public Call {
  public:
-  static WatchReactor* Start(grpc::CallbackServerContext* context, WatchedCall call,
-                             const JobStream::Position& position, const StreamSurroundings& surroundings) {
-    auto reactor = std::make_shared<WatchReactor>(context, call.write_on, surroundings);
-    reactor->self_ = reactor;
-    call.find_on.Post([reactor, find = std::move(call.find), position] { reactor->Find(find, position); });
-    return reactor.get();
-  }
+  WatchReactor(CallInfo call, JobOpener open, StreamTasks tasks, const StreamSurroundings& surroundings)
+      : Call(std::move(call)),
+        deadline_(DeadlineOf(*info().context)),
+        open_(std::move(open)),
+        tasks_(std::move(tasks)),
+        surroundings_(surroundings) {}
 
-  WatchReactor(grpc::CallbackServerContext* context, TenantTasks write_on, const StreamSurroundings& surroundings)
-      : deadline_(DeadlineOf(*context)), write_on_(std::move(write_on)), surroundings_(surroundings) {
-    surroundings_.streams->Add();
+  ~WatchReactor() override {
+    if (is_counted_) surroundings_.streams->Remove();
   }
-
-  ~WatchReactor() override { surroundings_.streams->Remove(); }
 
   void OnWriteDone(bool ok) override {
     {
@@ -57,37 +50,39 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
     Pump();
   }
 
-  void OnDone() override {
+ private:
+  void OnMessage(ReceivedMessagePtr message) override {
+    surroundings_.streams->Add();
+    is_counted_ = true;
+    tasks_.open_on.Post([self = Self(), message = std::move(message)] { self->Open(*message); });
+  }
+
+  void OnEnd() override {
     subscription_.reset();
     Detach();
-    self_.reset();
   }
 
- private:
-  void Find(const JobFinder& find, const JobStream::Position& position) {
-    bool gone = false;
+  std::shared_ptr<WatchReactor> Self() { return std::static_pointer_cast<WatchReactor>(shared_from_this()); }
+
+  void Open(ReceivedMessage& message) {
+    bool is_gone = false;
     {
       const std::lock_guard lock(mutex_);
-      gone = gone_;
+      is_gone = gone_;
     }
-    Open(gone ? absl::CancelledError("the caller is gone") : find(), position);
-  }
-
-  void Open(absl::StatusOr<WatchedJob> job, const JobStream::Position& position) {
-    if (!job.ok()) {
-      this->Finish(ToGrpcStatus(job.status()));
-      return;
-    }
-    const std::weak_ptr<WatchReactor> weak = this->weak_from_this();
-    // While busy_, which keeps OnDone() away.
-    subscription_ = job->events->Subscribe([weak] {
+    if (is_gone) return End(absl::CancelledError("the caller is gone"));
+    absl::StatusOr<OpenedJob> opened = open_(info(), message);
+    if (!opened.ok()) return End(opened.status());
+    const std::weak_ptr<WatchReactor> weak = Self();
+    // While busy_, which keeps OnEnd() away.
+    subscription_ = opened->job.events->Subscribe([weak] {
       if (const auto alive = weak.lock()) alive->Pump();
     });
     bool gone = false;
     {
       const std::lock_guard lock(mutex_);
-      stream_.emplace(std::move(job->events), position);
-      attachment_ = std::move(job->attachment);
+      stream_.emplace(std::move(opened->job.events), opened->position);
+      attachment_ = std::move(opened->job.attachment);
       busy_ = false;
       gone = gone_;
     }
@@ -105,36 +100,36 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
       if (stream_.has_value() && stream_->job_ended()) parting = Parting::kJobEnded;
     }
     if (released->empty()) return;
-    write_on_.Post([released, parting] { released->Release(parting); });
+    tasks_.release_on.Post([released, parting] { released->Release(parting); });
   }
 
   // Starts the next operation if none is under way. Any thread.
   void Pump() {
     JobStream::Step step = JobStream::Step::kEnd;
-    grpc::Status status;
+    Response response;
+    absl::Status status;
     {
       const std::lock_guard lock(mutex_);
       if (busy_) return;
       if (gone_) {
-        status = grpc::Status::CANCELLED;
+        status = absl::CancelledError("");
       } else {
-        response_.Clear();
-        step = NextStep();
+        step = NextStep(&response);
         if (step == JobStream::Step::kWait) return;
-        status = ToGrpcStatus(stream_->status());
+        status = stream_->status();
       }
       busy_ = true;  // for good if this is the end
     }
-    // Outside the lock: gRPC may react on this very thread. After Finish() `this` may be gone.
+    // Outside the lock: gRPC may react on this very thread. After End() `this` may be gone.
     if (step == JobStream::Step::kEnd) {
-      this->Finish(std::move(status));
+      End(status);
     } else {
-      this->StartWrite(&response_);
+      Send(response);
     }
   }
 
   // Requires mutex_.
-  JobStream::Step NextStep() {
+  JobStream::Step NextStep(Response* response) {
     v1::JobEvent event;
     v1::UvChunk chunk;
     const absl::Time now = absl::Now();
@@ -146,10 +141,10 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
     const JobStream::Step step = stream_->Next(&event, &chunk, pace);
     if (pace == JobStream::Pace::kHold && step == JobStream::Step::kWait) WakeIn(std::min(early, interval));
     if (event.has_progress()) last_progress_ = now;
-    if (step == JobStream::Step::kEvent) *response_.mutable_event() = std::move(event);
+    if (step == JobStream::Step::kEvent) *response->mutable_event() = std::move(event);
     if (step == JobStream::Step::kUv) {
       surroundings_.streams->AddUvBytes(static_cast<std::int64_t>(chunk.data().size()));
-      *response_.mutable_uv() = std::move(chunk);
+      *response->mutable_uv() = std::move(chunk);
     }
     return step;
   }
@@ -157,7 +152,7 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   // Requires mutex_.
   void WakeIn(absl::Duration delay) {
     if (std::exchange(armed_, true)) return;
-    const std::weak_ptr<WatchReactor> weak = this->weak_from_this();
+    const std::weak_ptr<WatchReactor> weak = Self();
     alarm_.Set(absl::ToChronoTime(absl::Now() + delay), [weak](bool) {
       const auto alive = weak.lock();
       if (alive == nullptr) return;
@@ -170,20 +165,19 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   }
 
   const std::optional<absl::Time> deadline_;
-  const TenantTasks write_on_;
+  const JobOpener open_;
+  const StreamTasks tasks_;
   const StreamSurroundings surroundings_;
+  bool is_counted_ = false;  // among the streams; from OnMessage() on
 
-  // Set by Start(), dropped by OnDone().
-  std::shared_ptr<WatchReactor> self_;
-  // Set by Open(), dropped by OnDone().
+  // Set by Open(), dropped by OnEnd().
   JobEventLog::Subscription subscription_;
 
   std::mutex mutex_;
-  // Guarded by mutex_; response_ belongs to gRPC while busy_.
+  // Guarded by mutex_.
   std::optional<JobStream> stream_;  // set before busy_ is first false
   JobAttachment attachment_;
-  Response response_;
-  bool busy_ = true;  // Find() is under way
+  bool busy_ = true;  // Open() is to come or under way
   bool gone_ = false;
   absl::Time last_progress_ = absl::InfinitePast();  // sent
   grpc::Alarm alarm_;                                // wakes us when progress was held back
@@ -192,16 +186,16 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
 
 }  // namespace
 
-grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, WatchedCall call,
-                                                           const JobStream::Position& position,
-                                                           const StreamSurroundings& surroundings) {
-  return WatchReactor<v1::UnwrapResponse>::Start(context, std::move(call), position, surroundings);
+std::shared_ptr<Call> StreamUnwrap(CallInfo info, JobOpener open, StreamTasks tasks,
+                                   const StreamSurroundings& surroundings) {
+  return std::make_shared<WatchReactor<v1::UnwrapResponse>>(std::move(info), std::move(open), std::move(tasks),
+                                                            surroundings);
 }
 
-grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, WatchedCall call,
-                                                               const JobStream::Position& position,
-                                                               const StreamSurroundings& surroundings) {
-  return WatchReactor<v1::WatchJobResponse>::Start(context, std::move(call), position, surroundings);
+std::shared_ptr<Call> StreamWatchJob(CallInfo info, JobOpener open, StreamTasks tasks,
+                                     const StreamSurroundings& surroundings) {
+  return std::make_shared<WatchReactor<v1::WatchJobResponse>>(std::move(info), std::move(open), std::move(tasks),
+                                                              surroundings);
 }
 
 }  // namespace planish

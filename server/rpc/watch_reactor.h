@@ -2,11 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "absl/status/statusor.h"
-#include "grpcpp/support/server_callback.h"
 #include "planish/v1/planish.pb.h"
 #include "server/jobs/job_manager.h"
+#include "server/rpc/call.h"
 #include "server/rpc/job_stream.h"
 #include "server/rpc/stream_counter.h"
 #include "server/rpc/task_threads.h"
@@ -21,24 +22,27 @@ struct StreamSurroundings {
   double progress_per_second = 1000;
 };
 
-// Finds the job whose events are sent.
-using JobFinder = std::function<absl::StatusOr<WatchedJob>()>;
-
-struct WatchedCall {
-  JobFinder find;  // runs on one of the threads of `find_on`, unless the caller is gone by then
-  TenantTasks find_on;
-  TenantTasks write_on;  // to release the job, which writes to the store
+// A job whose events are sent, and from where on.
+struct OpenedJob {
+  WatchedJob job;
+  JobStream::Position position;
 };
 
-// Sends the events of the job that `find` brings, then its UV, and ends with find's error if it brings none. One write
+// The threads of a stream's tasks.
+struct StreamTasks {
+  TenantTasks open_on;
+  TenantTasks release_on;  // to release the job, which writes to the store
+};
+
+// Finds the job that a request is about; runs on a task thread, unless the caller is gone by then.
+using JobOpener = std::function<absl::StatusOr<OpenedJob>(const CallInfo&, ReceivedMessage& request)>;
+
+// Sends the events of the job that `open` brings, then its UV, and ends with open's error if it brings none. One write
 // is under way at a time: a slow reader leaves events in the log, where old progress gives way to new, and holds up
-// nobody. The attachment that `find` brings is released when the caller goes away, or its deadline passes. The reactor
-// belongs to gRPC.
-grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, WatchedCall call,
-                                                           const JobStream::Position& position,
-                                                           const StreamSurroundings& surroundings);
-grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, WatchedCall call,
-                                                               const JobStream::Position& position,
-                                                               const StreamSurroundings& surroundings);
+// nobody. The attachment that `open` brings is released when the caller goes away, or its deadline passes.
+std::shared_ptr<Call> StreamUnwrap(CallInfo info, JobOpener open, StreamTasks tasks,
+                                   const StreamSurroundings& surroundings);
+std::shared_ptr<Call> StreamWatchJob(CallInfo info, JobOpener open, StreamTasks tasks,
+                                     const StreamSurroundings& surroundings);
 
 }  // namespace planish

@@ -178,7 +178,7 @@ TEST_F(SecurityTest, FilesThatChangeAreNoticed) {
   EXPECT_EQ(Version({Ca(), Token()}).exit_code, 0);
   // What is wrong is logged and ignored.
   PutFile(File("access.yaml"), "tenants: 3\n");
-  for (const double end = Now() + 20; Now() < end && server_->log().find("stays as it was") == std::string::npos;) {
+  for (const double end = Now() + 20; Now() < end && server_->log().find("tenants: expected") == std::string::npos;) {
     usleep(50'000);
   }
   EXPECT_THAT(server_->log(), HasSubstr("access.yaml:1: tenants: expected"));

@@ -6,7 +6,6 @@
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "grpcpp/support/byte_buffer.h"
-#include "grpcpp/support/slice.h"
 
 namespace planish {
 namespace {
@@ -25,14 +24,20 @@ std::string ReasonOf(const grpc::Status& status) {
 
 RawCall::RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& request,
                  double limit_seconds)
+    : RawCall(channel, "/planish.v1.Planish/" + method, grpc::Slice(request), {limit_seconds, "", GRPC_COMPRESS_NONE}) {
+}
+
+RawCall::RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& path, const grpc::Slice& request,
+                 const RawCallOptions& options)
     : stub_(channel) {
   context_.set_deadline(std::chrono::system_clock::now() +
-                        std::chrono::milliseconds(static_cast<std::int64_t>(1000 * limit_seconds)));
-  call_ = stub_.PrepareCall(&context_, "/planish.v1.Planish/" + method, &queue_);
+                        std::chrono::milliseconds(static_cast<std::int64_t>(1000 * options.limit_seconds)));
+  if (!options.token.empty()) context_.AddMetadata("authorization", "Bearer " + options.token);
+  if (options.compression != GRPC_COMPRESS_NONE) context_.set_compression_algorithm(options.compression);
+  call_ = stub_.PrepareCall(&context_, path, &queue_);
   call_->StartCall(this);
   if (!Wait()) return;
-  const grpc::Slice slice(request);
-  call_->WriteLast(grpc::ByteBuffer(&slice, 1), grpc::WriteOptions(), this);
+  call_->WriteLast(grpc::ByteBuffer(&request, 1), grpc::WriteOptions(), this);
   Wait();
 }
 

@@ -9,6 +9,7 @@
 #include "grpcpp/client_context.h"
 #include "grpcpp/completion_queue.h"
 #include "grpcpp/generic/generic_stub.h"
+#include "grpcpp/support/slice.h"
 
 namespace planish {
 
@@ -21,12 +22,21 @@ struct CallEnd {
   bool ok() const { return code == grpc::StatusCode::OK; }
 };
 
+struct RawCallOptions {
+  double limit_seconds = 60;  // the call fails with DEADLINE_EXCEEDED after that
+  std::string token;          // empty: the call has no credentials
+  grpc_compression_algorithm compression = GRPC_COMPRESS_NONE;
+};
+
 // One call, of whatever kind: each message that the server sends is read by Read(). Not thread-safe.
 class RawCall {
  public:
   // "CreateJob" with one request. It fails with DEADLINE_EXCEEDED after `limit_seconds`.
   RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& request,
           double limit_seconds);
+  // "/planish.v1.Planish/CreateJob".
+  RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& path, const grpc::Slice& request,
+          const RawCallOptions& options);
   ~RawCall();
   RawCall(const RawCall&) = delete;
   RawCall& operator=(const RawCall&) = delete;

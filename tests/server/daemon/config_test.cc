@@ -212,6 +212,16 @@ TEST_F(ConfigTest, CheckSaysOkOrAllThatIsWrong) {
   }
 }
 
+TEST_F(ConfigTest, NanIsNoNumber) {
+  for (const std::string flag : {"--grace", "--reattach-grace", "--lease", "--retain-hours", "--job-hours"}) {
+    for (const std::string nan : {"nan", "-NaN"}) {
+      const Said said = Run({flag + "=" + nan, "--check-config"});
+      EXPECT_EQ(said.code, 2) << flag;
+      EXPECT_THAT(said.text, HasSubstr(nan + " is not a number")) << flag;
+    }
+  }
+}
+
 TEST_F(ConfigTest, SighupPutsInForceWhatCanChange) {
   NotifySocket manager(dir_.Path("n"));
   Write("queue: 5\nmax-mesh-mb: 10\n");

@@ -1,4 +1,5 @@
 // A planishd that did all sorts of work, looked at from outside.
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -11,6 +12,7 @@
 #include "core/draco/codec.h"
 #include "gmock/gmock.h"
 #include "grpcpp/create_channel.h"
+#include "grpcpp/generic/generic_stub.h"
 #include "gtest/gtest.h"
 #include "planish/v1/planish.grpc.pb.h"
 #include "server/metrics/definitions.h"
@@ -43,11 +45,13 @@ class Watched {
     if (at != std::string::npos) {
       http_ = log.substr(at + said.size(), log.find('\n', at) - at - said.size());
     }
-    stub_ = v1::Planish::NewStub(grpc::CreateChannel("unix:" + dir_.Path("s"), grpc::InsecureChannelCredentials()));
+    channel_ = grpc::CreateChannel("unix:" + dir_.Path("s"), grpc::InsecureChannelCredentials());
+    stub_ = v1::Planish::NewStub(channel_);
   }
 
   Daemon& daemon() { return *daemon_; }
   v1::Planish::Stub& stub() { return *stub_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   std::string Path(const std::string& name) const { return dir_.Path(name); }
 
   std::string Get(const std::string& path) const { return HttpGet(http_, path).body; }
@@ -92,9 +96,16 @@ class Watched {
  private:
   TempDir dir_;
   std::unique_ptr<Daemon> daemon_;
+  std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Planish::Stub> stub_;
   std::string http_;
 };
+
+// How many lines of numbers /metrics has.
+std::ptrdiff_t SeriesCount(const Watched& server) {
+  const std::string text = server.Get("/metrics");
+  return std::count(text.begin(), text.end(), '\n');
+}
 
 v1::CreateJobRequest RequestOf(const Mesh& mesh) {
   v1::CreateJobRequest request;
@@ -415,6 +426,35 @@ TEST(Traces, MalformedOnesAreReplaced) {
   v1::Job job;
   ASSERT_TRUE(server.stub().CreateJob(&twice, RequestOf(Bump(4)), &job).ok());
   EXPECT_THAT(job.traceparent(), ::testing::Not(HasSubstr(kTraceId))) << "which one?";
+}
+
+TEST(Labels, CallersMakeNone) {
+  Watched server({"--workers=1"});
+  const auto call = [&](const std::string& path) {
+    grpc::GenericStub stub(server.channel());
+    grpc::ClientContext context;
+    grpc::CompletionQueue queue;
+    const grpc::Slice nothing;
+    const auto unary = stub.PrepareUnaryCall(&context, path, grpc::ByteBuffer(&nothing, 1), &queue);
+    unary->StartCall();
+    grpc::ByteBuffer answer;
+    grpc::Status status;
+    unary->Finish(&answer, &status, nullptr);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    return status.error_code();
+  };
+  EXPECT_EQ(call("/planish.v1.Planish/Nothing0"), grpc::StatusCode::UNIMPLEMENTED);
+  const std::ptrdiff_t before = SeriesCount(server);
+  for (int i = 1; i < 300; ++i) {
+    const std::string name = "Nothing" + std::to_string(i);
+    for (const std::string& path : {"/planish.v1.Planish/" + name, "/planish.v1." + name + "/Call", "/" + name}) {
+      EXPECT_EQ(call(path), grpc::StatusCode::UNIMPLEMENTED) << path;
+    }
+  }
+  EXPECT_EQ(SeriesCount(server), before);
+  EXPECT_THAT(server.Get("/metrics"), HasSubstr("planish_calls_total{call=\"OTHER\",code=\"UNIMPLEMENTED\"} 599"));
 }
 
 }  // namespace

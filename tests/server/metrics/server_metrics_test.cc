@@ -88,9 +88,10 @@ TEST(ServerMetrics, FailuresHaveReasons) {
   *job.mutable_error() = ToRpcStatus(MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "closed"));
   metrics.OnTransition(job);
   metrics.OnWorkLost(job, {"WORKER_CRASHED", "", {}}, 2, absl::Seconds(3));
-  metrics.OnCallEnded("CreateJob", absl::StatusCode::kResourceExhausted, "QUEUE_FULL", absl::Milliseconds(3));
-  metrics.OnCallEnded("Unwrap", absl::StatusCode::kCancelled, "", absl::Seconds(3));
-  metrics.OnCallEnded("GetJob", absl::StatusCode::kNotFound, "JOB_NOT_FOUND", absl::Milliseconds(1));
+  metrics.OnCallEnded("CreateJob", absl::StatusCode::kResourceExhausted, "QUEUE_FULL", absl::Milliseconds(3),
+                      {false, true});
+  metrics.OnCallEnded("Unwrap", absl::StatusCode::kCancelled, "", absl::Seconds(3), {true, true});
+  metrics.OnCallEnded("GetJob", absl::StatusCode::kNotFound, "JOB_NOT_FOUND", absl::Milliseconds(1), {});
   const std::string text = metrics.Text({});
   EXPECT_THAT(text, HasSubstr(R"(planish_jobs_ended_total{reason="MESH_CLOSED",state="failed",tenant="lighting"} 1)"));
   EXPECT_THAT(text, HasSubstr(R"(planish_job_retries_total{reason="WORKER_CRASHED"} 2)"));

@@ -24,8 +24,9 @@ class RpcServerTest : public ::testing::Test {
  protected:
   absl::StatusOr<std::unique_ptr<RpcServer>> Start(const std::vector<std::string>& addresses) {
     RpcServerOptions options;
+    options.callers = callers_.get();
     for (const std::string& address : addresses) options.listen.push_back(*ParseListenAddress(address));
-    services_.push_back(NewPlanishService(nullptr, nullptr, callers_.get(), ServiceOptions(), &streams_));
+    services_.push_back(NewPlanishService(nullptr, nullptr, ServiceOptions(), &streams_));
     return RpcServer::Start(options, {services_.back().get()});
   }
 
@@ -42,7 +43,7 @@ class RpcServerTest : public ::testing::Test {
   TempDir dir_;
   StreamCounter streams_;
   std::unique_ptr<CallerSource> callers_ = NewOpenCallerSource();
-  std::vector<std::unique_ptr<grpc::Service>> services_;
+  std::vector<std::unique_ptr<RpcService>> services_;
 };
 
 TEST_F(RpcServerTest, SeveralAddressesAndAFreePort) {
@@ -119,6 +120,19 @@ TEST(GrpcStatusTest, FitsIntoMetadata) {
   EXPECT_LT(status.error_details().size(), 2000u);
   EXPECT_THAT(status.error_message(), EndsWith("\xc3\xa4..."));
   EXPECT_EQ(InfoOf(status).reason(), "NOT_FOUND");
+}
+
+TEST(GrpcStatusTest, TellsNoPathsOfTheServer) {
+  const auto message = [](absl::StatusCode code, const std::string& text) {
+    return ToGrpcStatus(absl::Status(code, text)).error_message();
+  };
+  const std::string text =
+      "cannot write /var/lib/planish/blobs/ab/cd.part: No space left on device (\"/var/x\", a/b, 1/2)";
+  EXPECT_EQ(message(absl::StatusCode::kInternal, text),
+            "cannot write (a file of the server): No space left on device (\"(a file of the server)\", a/b, 1/2)");
+  EXPECT_TRUE(HidesPaths(absl::InternalError(text)));
+  EXPECT_FALSE(HidesPaths(absl::InternalError("1 / 2, a/b/")));
+  EXPECT_EQ(message(absl::StatusCode::kInvalidArgument, text), text) << "what the caller sent may be quoted";
 }
 
 }  // namespace

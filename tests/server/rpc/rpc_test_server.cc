@@ -101,10 +101,12 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
     capabilities->set_queue_capacity(manager_->QueueCapacity(caller));
   };
   service_options.progress_per_second = progress_per_second;
-  service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(), std::move(service_options), &streams_);
+  service_ = NewPlanishService(manager_.get(), &uploads_, std::move(service_options), &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
+  rpc_options.callers = callers_.get();
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;
+  rpc_options.upload_chunk_bytes = 64 << 10;
   rpc_ = *RpcServer::Start(rpc_options, {service_.get()});
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);

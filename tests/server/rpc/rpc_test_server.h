@@ -61,7 +61,7 @@ class RpcTestServer {
   std::unique_ptr<WorkerPool> pool_;
   StreamCounter streams_;
   const std::unique_ptr<CallerSource> callers_;
-  std::unique_ptr<grpc::Service> service_;
+  std::unique_ptr<RpcService> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Planish::Stub> stub_;

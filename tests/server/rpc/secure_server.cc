@@ -74,9 +74,10 @@ void SecureServer::Start(ClientAuth client_auth) {
   rules.now = [this] { return absl::Now() + absl::Seconds(ahead_.load()); };
   rules.own_uid = geteuid();
   callers_ = std::make_unique<Recorder>(NewCallerSource(std::move(rules)));
-  service_ = NewPlanishService(nullptr, nullptr, callers_.get(), ServiceOptions(), &streams_);
+  service_ = NewPlanishService(nullptr, nullptr, ServiceOptions(), &streams_);
   RpcServerOptions options;
   options.listen = {*ParseListenAddress("127.0.0.1:0"), *ParseListenAddress("unix:" + unix_path())};
+  options.callers = callers_.get();
   options.tls = tls_;
   options.peers = &peers_;
   options.socket_mode = 0666;

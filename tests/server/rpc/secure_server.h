@@ -12,6 +12,7 @@
 #include "grpcpp/channel.h"
 #include "planish/v1/planish.grpc.pb.h"
 #include "server/access/access_source.h"
+#include "server/rpc/call.h"
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
@@ -77,7 +78,7 @@ class SecureServer {
   PeerUsers peers_;
   std::unique_ptr<Recorder> callers_;
   StreamCounter streams_;
-  std::unique_ptr<grpc::Service> service_;
+  std::unique_ptr<RpcService> service_;
   std::unique_ptr<RpcServer> rpc_;
 };
 
