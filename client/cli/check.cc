@@ -127,7 +127,7 @@ class FileFaces {
     return Polygons(TrianglesWithFault(faults), most);
   }
 
-  // Of the file, ascending.
+  // Triangles of the file, ascending.
   std::vector<std::int32_t> TrianglesWithFault(std::uint8_t faults) const {
     std::vector<std::int32_t> triangles;
     for (std::size_t f = 0; f < map_.check.faults.size(); ++f) {

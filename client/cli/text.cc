@@ -115,7 +115,7 @@ std::string Wrapped(const std::string& text, int columns) {
   std::string wrapped;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
-    std::string line;  // what is not written yet
+    std::string line;  // not written yet
     bool has_word = false;
     for (std::size_t at = begin; at < end;) {
       // Blanks and the word behind them.

@@ -40,7 +40,7 @@ class ResultCommand {
   }
 
   const UnwrapFiles& files() const { return *files_; }
-  // Starting a private server has taken so long.
+  // How long it took to start the private server.
   void SetStart(double seconds) { start_seconds_ = seconds; }
 
   double Seconds() const { return timer_.Seconds(); }

@@ -245,7 +245,7 @@ bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const Chart
 }
 
 absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts) {
-  // Parts of the time: the first pass looks at all charts, later ones at those that were cut.
+  // Parts of the time: the first pass looks at all charts, later ones at the charts that were cut.
   constexpr double kFirstPass = 0.6, kLaterPass = 0.5;
   double begin = 0, share = kFirstPass;
   Segmentation& segmentation = *charts->segmentation;
