@@ -15,19 +15,6 @@
 namespace planish {
 namespace {
 
-// Of the faces of a chart, by their area on the surface; by their number where they have none.
-double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart) {
-  if (options.face_weights.empty()) return 1;
-  double area = 0, by_area = 0, by_number = 0;
-  for (const std::int32_t f : chart.faces) {
-    const double weight = options.face_weights[f];
-    area += surface.area[f];
-    by_area += surface.area[f] * weight;
-    by_number += weight;
-  }
-  return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
-}
-
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
 void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
@@ -165,6 +152,18 @@ void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::v
 
 std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face) {
   return options.face_atlas.empty() ? 0 : options.face_atlas[face];
+}
+
+double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart) {
+  if (options.face_weights.empty()) return 1;
+  double area = 0, by_area = 0, by_number = 0;
+  for (const std::int32_t f : chart.faces) {
+    const double weight = options.face_weights[f];
+    area += surface.area[f];
+    by_area += surface.area[f] * weight;
+    by_number += weight;
+  }
+  return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
 }
 
 void WriteUv(const MappedChart& mapped, Precision precision, const Execution& execution, CornerUv* uv) {

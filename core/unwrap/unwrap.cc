@@ -146,7 +146,7 @@ namespace {
 // Unwrap() of a mesh as its faces and vertices lie. Warnings do not name their faces in the metadata yet.
 absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
                                            const Execution& execution) {
-  Job job = {mesh, options, control, execution};
+  Job job = {mesh, options, control, execution, Polygons(mesh, options.seams.uncut_corners)};
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
@@ -180,7 +180,7 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
     if (options.seams.policy == SeamPolicy::kNeeded) {
       const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
       WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
-                       &job.warnings);
+                       charts.given_up, &job.warnings);
     }
     return Report(&job, charts, *atlas, std::move(delivery));
   }
@@ -208,8 +208,11 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     result = UnwrapInOrder(mesh, options, control, execution);
   }
   PLANISH_RETURN_IF_ERROR(result.status());
+  const Polygons polygons(mesh, options.seams.uncut_corners);
   for (UnwrapWarning& warning : result->warnings) {
-    if (!warning.faces.empty()) warning.metadata["faces"] = FirstFaces(warning.faces);
+    if (warning.faces.empty()) continue;
+    warning.metadata["faces"] = FirstFaces(warning.faces);
+    if (!polygons.are_triangles()) warning.metadata["polygons"] = absl::StrCat(polygons.CountIn(warning.faces));
   }
   return result;
 }
