@@ -129,8 +129,9 @@ struct FlattenSummary : FlattenWork {
   // As asked for; for kAuto: kExact if some step was taken with the exact Hessian where it was not positive.
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
-  bool stopped = false;      // FlattenControl::stop ended the solve early
-  bool out_of_work = false;  // so did FlattenControl::most_work
+  bool stopped = false;  // FlattenControl::stop ended the solve early
+  // FlattenControl::most_work did; if `converged`, it is not known whether f has a minimum without `barrier`.
+  bool out_of_work = false;
   Residual residual;
   BoundaryReport boundary;
   // The weight tau of the barrier (objective.h) that stayed because f alone has no minimum with positive angles on this

@@ -354,7 +354,9 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   course_.collapsed = course_.narrow = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
-  // f has no minimum with positive angles nearby: the minimum with the barrier stands.
+  // f has no minimum with positive angles nearby, or none was found with the work allowed: the minimum with the barrier
+  // stands.
+  summary_.out_of_work = ending == Ending::kOutOfWork;
   MoveTo(std::move(kept));
   at_.mu = std::move(kept_mu);
   objective_.set_barrier(barrier.weakest);
@@ -397,7 +399,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
-  summary_.out_of_work = ending == Ending::kOutOfWork;
+  summary_.out_of_work |= ending == Ending::kOutOfWork;
   // By Ending.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped",
                                       "given up, since it took too much work,"};

@@ -103,7 +103,7 @@ class Newton {
   bool IsQuick() const;
   // Whether a linear system that takes too many iterations ends it all (FlattenControl::gives_up).
   bool EndsAtHardSystems() const;
-  // Whether FlattenControl::most_work counts, and what is left of it.
+  // Whether FlattenControl::most_work applies, and how much work it still allows.
   bool HasWorkLimit() const;
   std::int64_t WorkLeft() const { return control_.most_work - summary_.work; }
   // Solves eq. 5 of the present iterate for another right-hand side.

@@ -69,17 +69,18 @@ struct AtlasTuning {
   // Steps of Newton's method, at most: a chart that takes more is cut. Others take 5 to 8 of them, and up to 20 with a
   // barrier on the way.
   int newton_steps = 30;
-  // FlattenWork::work of one solve, at most, where the chart cannot be cut: by SeamPolicy::kKeep and kNone, or because
-  // it is one polygon. On the shared meshes no chart without a barrier takes more than 182, half of them take 29.
+  // Limits of FlattenWork::work. The first is for one solve of a chart that cannot be cut, with SeamPolicy::kKeep and
+  // kNone or because the chart is one polygon. On the shared meshes the median of a solve is 29; without a barrier the
+  // largest is 182.
   std::int64_t most_work = 5000;
-  // With SeamPolicy::kNeeded: of the solve of a chart within its borders; and of all other maps that are tried then
-  // (unwrap/fixed_borders.cc). On the shared meshes half of the solves that keep a barrier take more than 212, those of
-  // filled charts more than 226, convex ones more than 198; the rest takes up to 7,000, mostly for maps that are no
-  // use.
-  std::int64_t needed_work = 400, other_map_work = 300;
-  // Of all solves of such a job, for each face of the surface. From there on charts are cut where their solves are
-  // hard, as with SeamPolicy::kAuto, and no other map is tried.
-  double all_needed_work = 800;
+  // With SeamPolicy::kNeeded the first of these limits the solve of a chart within its borders, the second all other
+  // maps that are tried afterwards (unwrap/fixed_borders.cc). On the shared meshes the median is 212 where a barrier
+  // stays, 226 for charts with filled holes and 198 for convex outlines. The largest is 7,000; most maps that take that
+  // much are too stretched to be used.
+  std::int64_t needed_work = 400, other_map_work = 400;
+  // With SeamPolicy::kNeeded this limits all solves of a job together, per face of the mesh. Beyond it, charts are cut
+  // where their solves are hard, as with SeamPolicy::kAuto, and no other map is tried.
+  double all_needed_work = 900;
   double max_extent = 1.4;  // diameter of a chart; longer ones hardly fit
   // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
   // the texture, in three 0.69.

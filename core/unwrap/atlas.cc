@@ -72,8 +72,9 @@ Box BoxOf(const ChartMap& map) {
   return box;
 }
 
-// Sets where each chart's map goes.
-Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts) {
+// Sets where each chart's map goes. `before`: the packing before, or null.
+Atlas Place(const UnwrapOptions& options, const Atlas* before, bool is_draft, const Execution& execution,
+            Charts* charts) {
   Atlas atlas;
   if (!options.pack) {
     for (MappedChart& mapped : charts->charts) {
@@ -83,6 +84,8 @@ Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execut
   } else if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
+    // A map that was placed before has been scaled then.
+    if (before != nullptr && disc.map.placement) atlas.scale *= before->scale;
     disc.map.placement = ChartPlacement();
   } else {
     PackAtlases(options, is_draft, execution, charts, &atlas);
@@ -189,7 +192,7 @@ absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, C
     atlas = *before;
     PlaceRoughly(job->options, atlas, charts);
   } else {
-    atlas = Place(job->options, is_draft, job->execution, charts);
+    atlas = Place(job->options, before, is_draft, job->execution, charts);
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);

@@ -18,13 +18,15 @@ namespace planish {
 namespace {
 
 constexpr double kSameDensity = 0.02;  // relative; rounding a chart of some texels to float changes far less
-// Of edges squared: faces with less area are needles, whose UV area rounding changes many times over.
+// A chart with less area than this times the sum of its squared edges consists of needles. Rounding changes their UV
+// area many times over, so their density is measured along edges.
 constexpr double kLeastAreaOfSquares = 1e-4;
-// A polygon that spans so much of a tile, at least, sets the scale.
+// A polygon sets the scale if it spans this part of a tile or more.
 constexpr double kSpansTile = 0.7;
-// What charts fill of a texture, about, where no polygon is too long; and how many times denser the charts would have
-// to be for a word about the polygon.
-constexpr double kUsuallyFilled = 0.6, kWorthAWord = 1.5;
+// Charts usually fill about this part of a texture if no polygon is too long.
+constexpr double kUsuallyFilled = 0.6;
+// The warning is given if all charts could have this many times their texels per unit.
+constexpr double kWorthAWord = 1.5;
 
 // Length in UV over length on the surface, of a chart without its widened faces and those without area; 0 if there are
 // no others.

@@ -3,7 +3,7 @@
 // A face of 10,000 by 0.01 on a surface of 400 by 400 would set the scale of the whole atlas, though no texture shows
 // anything across it, and no cut makes it shorter. Such faces get charts of their own, which are drawn smaller than the
 // others. Their shape, and with it the stretch of each chart, stays. The warning CHARTS_REDUCED counts and names them.
-// A polygon counts as a whole: a needle among the triangles of a broad polygon is none.
+// A polygon counts as a whole: a needle in the triangulation of a broad polygon does not count.
 #pragma once
 
 #include <cstdint>

@@ -13,8 +13,8 @@ namespace planish {
 // polygons each triangle is one, and nothing is stored.
 class Polygons {
  public:
-  // `uncut_corners` as in SeamOptions: triangles on both sides of such an edge are of one polygon. Of several triangles
-  // across an edge the nearest in number is meant. O(n log n) in the corners.
+  // `uncut_corners` are those of SeamOptions. The triangles on both sides of such an edge belong to one polygon. If
+  // several triangles lie across the edge, the one with the nearest number is taken. O(n log n) in the corners.
   Polygons(const Mesh& mesh, const std::vector<std::int32_t>& uncut_corners);
 
   bool are_triangles() const { return of_face_.empty(); }

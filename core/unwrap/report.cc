@@ -113,7 +113,7 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
   return reports;
 }
 
-// Of a chart: the face that is stretched most.
+// The face of a chart that is stretched most.
 std::int32_t MostStretched(const Job& job, const Charts& charts, const Chart& chart, const CornerUv& uv) {
   std::int32_t worst = chart.faces.front();
   double most = -1;

@@ -93,7 +93,7 @@ struct Charts {
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   std::vector<std::int32_t> place;  // per face: its number in the chart that it was last extracted with
-  double work = 0;                  // of all charts' solves so far, each times the faces of the chart
+  double work = 0;                  // work of all solves so far, each weighted by the faces of its chart
   // With SeamPolicy::kNeeded: charts that were cut since their solves took too much work.
   std::int64_t given_up = 0;
   int widenings = 0;               // calls of WidenCharts() that found something
@@ -186,7 +186,7 @@ absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 // The number of the atlas that a face goes into, and with it its chart.
 std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
 
-// UnwrapOptions::face_weights of a chart: the mean by the area of its faces; by their number where they have none.
+// The mean of UnwrapOptions::face_weights over a chart, by area; the plain mean if its faces have no area.
 double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart);
 
 // Where the charts go.
@@ -261,7 +261,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery);
 
 // ---- What callers are told about a result, in words and as data (warnings.cc). Messages count polygons, since these
-// are the caller's faces; "count" in the metadata is that of triangles, whose numbers UnwrapWarning::faces has.
+// are the caller's faces; "count" in the metadata counts triangles, and UnwrapWarning::faces has their numbers.
 
 // FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
 void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,

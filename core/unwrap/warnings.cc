@@ -55,7 +55,7 @@ void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
     if (ignored[f]) faces.push_back(f);
   }
-  // A polygon with three corners on one line may have such a triangle, and area all the same.
+  // If three corners of a polygon lie on one line, one of its triangles may have no area although the polygon has some.
   std::int64_t flat_polygons = 0, flat_triangles = std::ssize(faces);
   for (std::int32_t i = 0; i < polygons.count() && !faces.empty(); ++i) {
     std::int64_t flat = 0, all = 0;
@@ -200,6 +200,12 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten->barrier > 0 && !c.flatten->stopped; },
       [](const ChartReport& c) {
         const bool convex = c.flatten->boundary.type == BoundaryType::kConvex;
+        if (c.flatten->out_of_work) {
+          return absl::StrFormat(
+              "a barrier of %g keeps the triangles open; within the work allowed no minimum of the "
+              "ABF energy alone was found",
+              c.flatten->barrier);
+        }
         return absl::StrFormat(
             "the ABF energy alone has no minimum with positive angles on this mesh%s; a "
             "barrier of %g keeps its triangles open; a seam%s would relieve it",

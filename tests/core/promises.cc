@@ -92,7 +92,7 @@ void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapRe
                   const std::vector<char>& ignored, std::vector<std::string>* broken) {
   if (!options.pack || !options.face_weights.empty() || !options.face_atlas.empty()) return;
   const double scale = result.texels_per_unit / options.atlas.texture_size;
-  const std::vector<char> is_named = NamedBy(result, {"CHARTS_REDUCED", "DENSITY_VARIES"});
+  const std::vector<char> is_named = NamedBy(result, {"CHARTS_REDUCED", "DENSITY_VARIES", "FACES_WIDENED"});
   std::vector<double> area(result.charts.size()), uv_area = area, squares = area;
   std::vector<char> skipped(result.charts.size(), 0);
   double longest = 0;
