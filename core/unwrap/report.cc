@@ -226,6 +226,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   WarnOfWidened(result.widened, job->polygons, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
+  // The one chart may be enlarged.
+  if (!job->packs()) result.texels_per_unit *= charts.charts.front().chart.enlargement;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
   result.face_chart = charts.FaceChart(job->mesh);
