@@ -291,7 +291,9 @@ class ActiveSetMethod {
            r.gradient <= tuning().max_gradient;
   }
   const BoundaryTuning& tuning() const { return options_.tuning.boundary; }
-  bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
+  bool OutOfIterations() const {
+    return summary_.newton_iterations >= options_.max_newton_iterations || summary_.out_of_work;
+  }
 
   const Topology& topology_;
   const TargetAngles& target_;

@@ -77,6 +77,10 @@ struct FlattenControl : Execution {
   // Where angles collapse, or a linear system is hard to solve (StepTuning::iterations_to_give_up), the method ends
   // without having converged instead of going on with a barrier, or with another solver. For charts that can be cut.
   bool gives_up = false;
+  // The most FlattenWork::work that the solve may take; 0: no limit. One that would take more ends without having
+  // converged (FlattenSummary::out_of_work), and with it a barrier that does not pay. Solvers without multigrid or a
+  // factorization, and fixed tolerances of linear solves, may take any work.
+  std::int64_t most_work = 0;
   // Called on the calling thread: at the start, after every Newton step and every few dozen linear iterations.
   std::function<void(const FlattenProgress&)> on_progress = {};
 };
@@ -98,6 +102,9 @@ struct BoundaryReport {
 struct FlattenWork {
   int newton_iterations = 0;
   std::int64_t linear_iterations = 0;
+  // Linear iterations, and what setting up a system, a Newton step and the line search cost beside them in the unit of
+  // one (WorkTuning). An easy disc takes about 100; a unit takes about 0.1 microseconds a face.
+  std::int64_t work = 0;
   int linear_solves = 0;
   // Solves that did not converge: they ran into their iteration limit or failed (LinearTermination). Newton's method
   // uses their steps only where the merit function falls along them. Solves that a stop cut short do not count.
@@ -123,6 +130,8 @@ struct FlattenSummary : FlattenWork {
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early
+  // FlattenControl::most_work did; if `converged`, it is not known whether f has a minimum without `barrier`.
+  bool out_of_work = false;
   Residual residual;
   BoundaryReport boundary;
   // The weight tau of the barrier (objective.h) that stayed because f alone has no minimum with positive angles on this

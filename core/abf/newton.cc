@@ -65,10 +65,18 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
 }
 
 // Other preconditioners, and tolerances of the caller's choice, may take any number of iterations.
-bool Newton::EndsAtHardSystems() const {
+bool Newton::IsQuick() const {
   const bool is_quick =
       steps_.preconditioner() == PreconditionerType::kAmg || steps_.preconditioner() == PreconditionerType::kCholesky;
-  return control_.gives_up && is_quick && options_.linear_tolerance == 0 && !control_.IsStopRequested();
+  return is_quick && options_.linear_tolerance == 0 && !control_.IsStopRequested();
+}
+
+bool Newton::EndsAtHardSystems() const {
+  return control_.gives_up && IsQuick();
+}
+
+bool Newton::HasWorkLimit() const {
+  return control_.most_work > 0 && IsQuick();
 }
 
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
@@ -93,16 +101,20 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
     linear.stop = control_.stop;
   }
   if (EndsAtHardSystems()) linear.max_iterations = options_.tuning.step.iterations_to_give_up;
+  if (HasWorkLimit()) linear.max_iterations = std::clamp<std::int64_t>(WorkLeft(), 1, linear.max_iterations);
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;
   summary_.linear_iterations += solved.iterations;
+  summary_.work += solved.iterations;
   if (stopping) history_.iterations_after_stop += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
     if (control_.IsCancelled()) return absl::CancelledError("cancelled");
     history_.cut_short = true;
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
     history_.cut_short = true;
+  } else if (HasWorkLimit() && WorkLeft() <= 0 && solved.termination == LinearTermination::kIterationLimit) {
+    // Newton's method ends after the step, if there is one.
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -147,6 +159,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   // The point alpha along a step, and whether it is low enough.
   Point trial;
   const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
+    summary_.work += tuning().work.trial;
     Eigen::VectorXd moved;
     Assign(team(), at_.x + alpha * x, &moved);
     trial = PointAt(std::move(moved));
@@ -191,6 +204,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 
 absl::StatusOr<bool> Newton::TakeStep() {
   history_.length = 0;  // until a step has been taken
+  summary_.work += tuning().work.step;
   Eigen::VectorXd convex = LagrangianHessian(topology_, at_.curvature, at_.sine, at_.mu, team());
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
@@ -295,6 +309,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
+    if (HasWorkLimit() && WorkLeft() <= 0) return Ending::kOutOfWork;
     if (moved && AnglesCollapse()) return Ending::kStuck;
     history_.cut_short = false;
     const absl::StatusOr<bool> taken = TakeStep();
@@ -327,7 +342,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
     for (const double tau : BarrierSequence(barrier)) {
       objective_.set_barrier(tau);
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > barrier.weakest ? barrier.rough_tolerance : options_.tolerance));
-      if (ending == Ending::kStopped) break;
+      if (ending == Ending::kStopped || ending == Ending::kOutOfWork) break;
       course_.short_steps = 0;
     }
   }
@@ -339,7 +354,9 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   course_.collapsed = course_.narrow = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
-  // f has no minimum with positive angles nearby: the minimum with the barrier stands.
+  // f has no minimum with positive angles nearby, or none was found with the work allowed: the minimum with the barrier
+  // stands.
+  summary_.out_of_work = ending == Ending::kOutOfWork;
   MoveTo(std::move(kept));
   at_.mu = std::move(kept_mu);
   objective_.set_barrier(barrier.weakest);
@@ -349,6 +366,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
 
 absl::StatusOr<FlattenSummary> Newton::Run() {
   Start();
+  summary_.work += tuning().work.setup;
   if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck && !control_.gives_up) {
@@ -359,6 +377,7 @@ absl::StatusOr<FlattenSummary> Newton::Run() {
 
 absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start, const FlattenWork& before) {
   static_cast<FlattenWork&>(summary_) = before;
+  summary_.work += tuning().work.setup;
   Forget();
   MoveTo(PointAt(std::move(start.x)));
   at_.mu = std::move(start.mu);
@@ -380,8 +399,10 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
+  summary_.out_of_work |= ending == Ending::kOutOfWork;
   // By Ending.
-  constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped"};
+  constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped",
+                                      "given up, since it took too much work,"};
   const Residual& r = summary_.residual;
   summary_.stop_message = absl::StrFormat(
       "%s%s after %d Newton steps: triangle %.1e, vertex %.1e, wheel %.1e, gradient %.1e rad, tolerance %.1e",

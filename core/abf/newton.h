@@ -61,7 +61,7 @@ class Newton {
   bool IsFlat() const;
 
  private:
-  enum class Ending { kConverged, kStuck, kIterationLimit, kStopped };
+  enum class Ending { kConverged, kStuck, kIterationLimit, kStopped, kOutOfWork };
 
   // Angles, and what follows from them alone.
   struct Point {
@@ -99,8 +99,13 @@ class Newton {
   // Solves eq. 5 with `hessian`. True if the merit function falls along `step`; `slope` is its slope there.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                    NewtonStep* step, double* slope);
+  // Whether each linear system is to be solved in a few iterations.
+  bool IsQuick() const;
   // Whether a linear system that takes too many iterations ends it all (FlattenControl::gives_up).
   bool EndsAtHardSystems() const;
+  // Whether FlattenControl::most_work applies, and how much work it still allows.
+  bool HasWorkLimit() const;
+  std::int64_t WorkLeft() const { return control_.most_work - summary_.work; }
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function, whose slope along the step is `slope`, and moves there. False

@@ -153,12 +153,20 @@ struct StopTuning {
   double tolerance = 1e-4;
 };
 
+// What counts as how much FlattenWork::work, beside 1 for a linear iteration.
+struct WorkTuning {
+  std::int64_t setup = 15;  // of the systems of one active set, or of the first
+  std::int64_t step = 5;    // of Newton's method: gradient, Hessian, matrix, preconditioner
+  std::int64_t trial = 1;   // of the line search
+};
+
 struct NewtonTuning {
   ForcingTuning forcing;
   ConvexityTuning convexity;
   LineSearchTuning line_search;
   BarrierTuning barrier;
   StopTuning stop;
+  WorkTuning work;
 };
 
 // Which linear system is solved how, and when a preconditioner is made anew (step_solver.h). Unless stated otherwise

@@ -69,6 +69,18 @@ struct AtlasTuning {
   // Steps of Newton's method, at most: a chart that takes more is cut. Others take 5 to 8 of them, and up to 20 with a
   // barrier on the way.
   int newton_steps = 30;
+  // Limits of FlattenWork::work. The first is for one solve of a chart that cannot be cut, with SeamPolicy::kKeep and
+  // kNone or because the chart is one polygon. On the shared meshes the median of a solve is 29; without a barrier the
+  // largest is 182.
+  std::int64_t most_work = 5000;
+  // With SeamPolicy::kNeeded the first of these limits the solve of a chart within its borders, the second all other
+  // maps that are tried afterwards (unwrap/fixed_borders.cc). On the shared meshes the median is 212 where a barrier
+  // stays, 226 for charts with filled holes and 198 for convex outlines. The largest is 7,000; most maps that take that
+  // much are too stretched to be used.
+  std::int64_t needed_work = 400, other_map_work = 400;
+  // With SeamPolicy::kNeeded this limits all solves of a job together, per face of the mesh. Beyond it, charts are cut
+  // where their solves are hard, as with SeamPolicy::kAuto, and no other map is tried.
+  double all_needed_work = 900;
   double max_extent = 1.4;  // diameter of a chart; longer ones hardly fit
   // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
   // the texture, in three 0.69.
@@ -94,9 +106,9 @@ struct AtlasTuning {
   //
   // With a cut_width of 0.014, 0.012 and 0.011 the six scans, at five stretches and two paddings, have 71, 75 and 77
   // charts in the mean and fill 0.8086, 0.8095 and 0.8114 of the texture; 17 other meshes have 201, 212 and 215 and
-  // fill 0.7243, 0.7268 and 0.7262. Eight copies of each scan, whose vertices differ by 1e-6 of its size, have 75, 80, 82
-  // and 87 charts in the mean and fill 0.8242, 0.8288, 0.8307 and 0.8306 of the texture with 0.011, 0.009, 0.0085 and
-  // 0.007.
+  // fill 0.7243, 0.7268 and 0.7262. Eight copies of each scan, whose vertices differ by 1e-6 of its size, have 75, 80,
+  // 82 and 87 charts in the mean and fill 0.8242, 0.8288, 0.8307 and 0.8306 of the texture with 0.011, 0.009, 0.0085
+  // and 0.007.
   //
   // The second set, of PackEffort::kBest, makes more charts for more of the texture. Spot, koala and boot_g12 at three
   // stretches, with 4 s for each packing, fill 0.836, 0.846, 0.843 and 0.838 of it in the mean with a cut_width of

@@ -15,19 +15,6 @@
 namespace planish {
 namespace {
 
-// Of the faces of a chart, by their area on the surface; by their number where they have none.
-double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart) {
-  if (options.face_weights.empty()) return 1;
-  double area = 0, by_area = 0, by_number = 0;
-  for (const std::int32_t f : chart.faces) {
-    const double weight = options.face_weights[f];
-    area += surface.area[f];
-    by_area += surface.area[f] * weight;
-    by_number += weight;
-  }
-  return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
-}
-
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
 void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
@@ -85,8 +72,9 @@ Box BoxOf(const ChartMap& map) {
   return box;
 }
 
-// Sets where each chart's map goes.
-Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts) {
+// Sets where each chart's map goes. `before`: the packing before, or null.
+Atlas Place(const UnwrapOptions& options, const Atlas* before, bool is_draft, const Execution& execution,
+            Charts* charts) {
   Atlas atlas;
   if (!options.pack) {
     for (MappedChart& mapped : charts->charts) {
@@ -96,6 +84,8 @@ Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execut
   } else if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
+    // A map that was placed before has been scaled then.
+    if (before != nullptr && disc.map.placement) atlas.scale *= before->scale;
     disc.map.placement = ChartPlacement();
   } else {
     PackAtlases(options, is_draft, execution, charts, &atlas);
@@ -167,6 +157,18 @@ std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face) {
   return options.face_atlas.empty() ? 0 : options.face_atlas[face];
 }
 
+double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart) {
+  if (options.face_weights.empty()) return 1;
+  double area = 0, by_area = 0, by_number = 0;
+  for (const std::int32_t f : chart.faces) {
+    const double weight = options.face_weights[f];
+    area += surface.area[f];
+    by_area += surface.area[f] * weight;
+    by_number += weight;
+  }
+  return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
+}
+
 void WriteUv(const MappedChart& mapped, Precision precision, const Execution& execution, CornerUv* uv) {
   const Chart& chart = mapped.chart;
   const ChartPlacement& place = *mapped.map.placement;
@@ -190,7 +192,7 @@ absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, C
     atlas = *before;
     PlaceRoughly(job->options, atlas, charts);
   } else {
-    atlas = Place(job->options, is_draft, job->execution, charts);
+    atlas = Place(job->options, before, is_draft, job->execution, charts);
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);

@@ -60,6 +60,7 @@ class BarycentricMap {
       }
       const double stretch = all.StretchL2();
       if (!std::isfinite(stretch)) break;
+      if (!best.empty() && execution.IsStopRequested()) break;
       if (!best.empty() && stretch > (1 - kLeastGain) * least) break;
       best = positions;
       least = stretch;
@@ -261,9 +262,11 @@ FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
 
 // A chart that may get another map.
 struct Candidate {
+  const ChartSolve& solve;
   Job* job;
   MappedChart* mapped;
   const Execution& execution;
+  std::int64_t work_left;             // WorkLimits::other_map
   Eigen::VectorXd measured;           // AnglesToKeep()
   FlattenSummary summary;             // of the first solve
   std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
@@ -323,8 +326,10 @@ absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
     if (filled.corner[corner] < 0) target.weight[corner] *= kFanWeight;
   }
   if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
-  PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
-                           FlattenAngles(topology, target, c.job->options.flatten, {c.execution}));
+  FlattenControl control = ControlOf(c.solve);
+  control.most_work = c.work_left;
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, c.job->options.flatten, control));
+  c.mapped->work += static_cast<double>(flattening.summary.work);
   const std::vector<Vec2> laid_out = LayOut(topology, flattening.angles, c.execution);
   return PlaceFilled(c, filled, laid_out, std::move(flattening.summary));
 }
@@ -346,9 +351,8 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
 }
 
 // A convex outline cannot run over itself.
-absl::StatusOr<ChartMap> MapConvex(const Candidate& c, const Charts& charts) {
-  PLANISH_ASSIGN_OR_RETURN(Flattening convex,
-                           FlattenWith(c.job, charts, *c.mapped, 0, BoundaryType::kConvex, c.execution, false));
+absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
+  PLANISH_ASSIGN_OR_RETURN(Flattening convex, FlattenWith(c.solve, BoundaryType::kConvex, c.work_left, c.mapped));
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
@@ -373,21 +377,29 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
   return BarycentricMap(disc, places).Run(execution);
 }
 
-void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
-  Candidate c = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
+void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped) {
+  const auto& [job, charts, number, limits, execution, reports] = solve;
+  Candidate c = {solve, job, mapped, execution, limits.other_map, {}, *mapped->map.flatten, std::nullopt};
   if (!mapped->is_slit() && !c.is_no_use()) return;
   c.measured = AnglesToKeep(mapped->chart, charts.AnglesOf(job->mesh, mapped->chart, execution));
   if (mapped->is_slit()) c.filled = FillHoles(job->mesh, mapped->chart, execution);
   const std::int32_t num_faces = c.topology().num_faces();
   const bool is_small = num_faces <= kMostFacesForBarycentres;
+  const double before = mapped->work;
   // A chart whose holes have been filled needs no slit; once it has such a map, the search ends.
   if (c.filled && Takes(c, charts, MapByAbf(c), 1 / kMostStretchForHoles)) return;
+  if (execution.IsStopRequested()) return;
   if (c.filled && is_small && Takes(c, charts, MapByMeans(c), 1 / kMostStretchForHoles)) return;
   // ABF with a convex outline, where the caller has not asked for that anyway.
   const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
-  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex) Takes(c, charts, MapConvex(c, charts), 1);
+  c.work_left -= static_cast<std::int64_t>(mapped->work - before);
+  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
+    Takes(c, charts, MapConvex(c), 1);
+  }
   // A barycentric map within the slit outline.
-  if (c.is_no_use() && !c.filled && is_small) Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
+  if (c.is_no_use() && !c.filled && is_small && !execution.IsStopRequested()) {
+    Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
+  }
 }
 
 }  // namespace planish

@@ -75,11 +75,12 @@ class SolvedMaps {
   // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
-    const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts_.charts[i];
-    for (std::int32_t c = 0; status.ok() && c < chart.topology->num_corners(); ++c) {
+    const MappedChart& mapped = charts_.charts[i];
+    const Chart& chart = mapped.chart;
+    for (std::int32_t c = 0; mapped.status.ok() && c < chart.topology->num_corners(); ++c) {
       if (chart.topology->opposite[c] >= 0) continue;
       visit(HalfEdgeOf(*charts_.surface->mesh, 3 * chart.faces[c / 3] + c % 3),
-            map.positions[Origin(chart.topology->faces, c)]);
+            mapped.map.positions[Origin(chart.topology->faces, c)]);
     }
   }
 

@@ -1,11 +1,10 @@
 #include "core/unwrap/long_needles.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "core/mesh/angles.h"
+#include "absl/strings/str_format.h"
 #include "core/mesh/diagnosis.h"
 #include "core/unwrap/steps.h"
 
@@ -16,43 +15,34 @@ namespace {
 constexpr double kTexelsAcross = 2;
 constexpr int kMostRounds = 8;  // of the search
 
-struct FaceSize {
-  double area = 0, longest = 0;
-};
-
-// 0 and 0 of a face that refers to a vertex that does not exist, or is not finite.
-FaceSize SizeOf(const Mesh& mesh, const Face& face) {
-  for (const std::int32_t v : face) {
-    if (v < 0 || v >= mesh.num_vertices() || !mesh.positions[v].allFinite()) return {};
-  }
-  const std::array<Vec3, 3> p = TriangleOf(mesh.positions, face);
-  return {DoubleArea(p) / 2, LongestEdge(p)};
-}
-
-double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {
+double AreaOfOthers(const Mesh& mesh, const Polygons& polygons, const std::vector<char>& needles) {
   double area = 0;
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    if (!left_out[f]) area += SizeOf(mesh, mesh.faces[f]).area;
+  for (std::int32_t i = 0; i < polygons.count(); ++i) {
+    bool is_needle = false;
+    polygons.ForEachFace(i, [&](std::int32_t f) { is_needle = needles[f] != 0; });
+    if (!is_needle) area += SizeOfPolygon(mesh, polygons, i).area;
   }
   return area;
 }
 
 }  // namespace
 
-std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
+std::vector<char> FindLongNeedles(const Mesh& mesh, const Polygons& polygons, const AtlasTuning& tuning) {
   std::vector<char> needles(mesh.faces.size(), 0);
   std::int64_t count = 0, before = -1;
   // Without the longest ones the texture is smaller, and others are too long for it. Where there are any, none is drawn
   // longer than ReduceLongNeedles() draws those.
   for (int round = 0; round < kMostRounds && count > before; ++round) {
     before = count;
-    const double longest = (round == 0 ? tuning.max_extent : tuning.needle_length) * std::sqrt(AreaOf(mesh, needles));
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-      if (needles[f]) continue;
-      const FaceSize size = SizeOf(mesh, mesh.faces[f]);
-      if (size.longest <= longest || 2 * tuning.needle_aspect * size.area > size.longest * size.longest) continue;
-      needles[f] = 1;
-      ++count;
+    const double longest =
+        (round == 0 ? tuning.max_extent : tuning.needle_length) * std::sqrt(AreaOfOthers(mesh, polygons, needles));
+    for (std::int32_t i = 0; i < polygons.count(); ++i) {
+      const auto [area, length] = SizeOfPolygon(mesh, polygons, i);
+      if (length <= longest || 2 * tuning.needle_aspect * area > length * length) continue;
+      polygons.ForEachFace(i, [&](std::int32_t f) {
+        count += needles[f] == 0;
+        needles[f] = 1;
+      });
     }
   }
   const double most = tuning.needle_faces * static_cast<double>(mesh.faces.size());
@@ -60,7 +50,7 @@ std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
   return needles;
 }
 
-std::vector<double> ReduceLongNeedles(const Mesh& mesh, const std::vector<char>& needles,
+std::vector<double> ReduceLongNeedles(const Mesh& mesh, const Polygons& polygons, const std::vector<char>& needles,
                                       const std::vector<std::vector<std::int32_t>>& charts,
                                       const UnwrapOptions& options, std::vector<UnwrapWarning>* warnings) {
   const AtlasTuning& tuning = options.tuning;
@@ -74,23 +64,30 @@ std::vector<double> ReduceLongNeedles(const Mesh& mesh, const std::vector<char>&
   const int texels = options.atlas.texture_size;
   const double across = (options.atlas.padding + kTexelsAcross) / texels;
   const double room = tuning.needle_room * options.atlas.tiles;
-  const double side = std::sqrt(AreaOf(mesh, needles) / options.atlas.tiles);
+  const double side = std::sqrt(AreaOfOthers(mesh, polygons, needles) / options.atlas.tiles);
   const double longest = side * std::min(tuning.needle_length, room / (across * static_cast<double>(found.size())));
   std::vector<double> reduction(mesh.faces.size(), 1.0);
   std::vector<std::int32_t> faces;
+  double least = 1;
   for (const std::int32_t i : found) {
     double length = 0;
-    for (const std::int32_t f : charts[i]) length = std::max(length, SizeOf(mesh, mesh.faces[f]).longest);
+    for (const std::int32_t f : charts[i]) {
+      length = std::max(length, SizeOfPolygon(mesh, polygons, polygons.of(f)).length);
+    }
     for (const std::int32_t f : charts[i]) reduction[f] = std::min(1.0, longest / length);
+    least = std::min(least, longest / length);
     faces.insert(faces.end(), charts[i].begin(), charts[i].end());
   }
   if (found.empty()) return reduction;
-  warnings->push_back({"CHARTS_REDUCED",
-                       absl::StrCat(Counted(std::ssize(faces), "face is a needle", "faces are needles"),
-                                    " much longer than the texture would be; ",
-                                    "their charts are drawn smaller than the others, which leaves room for these"),
-                       {{"count", absl::StrCat(faces.size())}},
-                       faces});
+  warnings->push_back(
+      {"CHARTS_REDUCED",
+       absl::StrCat(Counted(polygons.CountIn(faces), "face is a needle", "faces are needles"),
+                    " much longer than the texture would be; ",
+                    absl::StrFormat("their charts have down to %.2g times the texels per unit of the others, which "
+                                    "leaves room for these; split the faces in the mesh to have one density",
+                                    least)),
+       {{"count", absl::StrCat(faces.size())}, {"least", absl::StrFormat("%g", least)}},
+       faces});
   return reduction;
 }
 

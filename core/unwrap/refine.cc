@@ -226,7 +226,9 @@ double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atl
 }  // namespace
 
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
-  const auto& [chart, is_worth_cutting, flattening, map, faults, status] = mapped;
+  const ChartMap& map = mapped.map;
+  const ChartFaults& faults = mapped.faults;
+  const absl::Status& status = mapped.status;
   // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
   // collapse where the chart goes.
   if (job.execution.IsStopRequested()) return !status.ok() || !faults.is_injective || map.flatten->barrier > 0;
@@ -235,7 +237,8 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   const bool is_sound =
       status.ok() && map.flatten->converged &&
       (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
-  return !is_sound || !faults.is_injective || IsUnwieldy(job, charts, chart.faces, faults.stretch, faults.extent);
+  return !is_sound || !faults.is_injective ||
+         IsUnwieldy(job, charts, mapped.chart.faces, faults.stretch, faults.extent);
 }
 
 bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate) {
@@ -300,6 +303,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
       cut.part = Indices(mapped.chart.faces.size());
     }
     cuts.push_back(std::move(cut));
+    charts->given_up += mapped.map.flatten != nullptr && !mapped.map.flatten->converged;
   }
   return Split(job, cuts, todo, charts);
 }
@@ -311,7 +315,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
   const SeamOptions& seams = job->options.seams;
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts->count(); ++i) {
-    const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
+    const Chart& chart = charts->charts[i].chart;
     if (chart.faces.size() < 2) continue;
     Segmentation::Cut cut = {i};
     if (turned > 0) cut.part = PartTurned(*charts, i, delivery.uv);

@@ -115,6 +115,36 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
   return reports;
 }
 
+// The face of a chart that is stretched most.
+std::int32_t MostStretched(const Job& job, const Charts& charts, const Chart& chart, const CornerUv& uv) {
+  std::int32_t worst = chart.faces.front();
+  double most = -1;
+  for (const std::int32_t f : chart.faces) {
+    if (charts.is_ignored(f)) continue;
+    MapSums own;
+    own.Add(TriangleOf(uv, f).data(), TriangleOf(job.mesh.positions, job.mesh.faces[f]).data());
+    const double stretch = own.surface_area > 0 ? own.stretch / own.surface_area : 0;
+    if (stretch > most) worst = f, most = stretch;
+  }
+  return worst;
+}
+
+// The stretch of charts by themselves and, where charts have another density than the whole map, in that.
+void WarnOfStretch(const Job& job, const Charts& charts, const std::vector<MapSums>& own, const MapSums& all,
+                   const CornerUv& uv, std::vector<UnwrapWarning>* warnings) {
+  const bool is_much = all.StretchL2() > kMuchStretch && job.options.face_weights.empty();
+  std::vector<double> stretch;
+  std::vector<std::int32_t> worst;
+  for (std::int32_t i = 0; i < charts.count(); ++i) {
+    MapSums in_all = own[i];
+    if (all.surface_area > 0) in_all.uv_area = own[i].surface_area * all.uv_area / all.surface_area;
+    stretch.push_back(is_much ? std::max(own[i].StretchL2(), in_all.StretchL2()) : own[i].StretchL2());
+    const Chart& chart = charts.charts[i].chart;
+    worst.push_back(stretch.back() > kMuchStretch ? MostStretched(job, charts, chart, uv) : -1);
+  }
+  WarnOfMuchStretch(stretch, worst, job.options.seams.policy, warnings);
+}
+
 }  // namespace
 
 Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const CornerUv& uv,
@@ -219,23 +249,30 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
     }
   }
   std::sort(result.widened.begin(), result.widened.end());
-  WarnOfWidened(result.widened, delivery.precision, &result.warnings);
+  WarnOfWidened(result.widened, job->polygons, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
   result.padding = atlas.padding;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
+  // The one chart may be enlarged.
+  if (!job->packs()) result.texels_per_unit *= charts.charts.front().chart.enlargement;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
+  std::vector<MapSums> own_maps;
   result.charts.reserve(charts.charts.size());
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
+  for (const MappedChart& mapped : charts.charts) {
+    const Chart& chart = mapped.chart;
     const Eigen::VectorXd measured = charts.AnglesOf(job->mesh, chart, job->execution);
     const DistortionSums own =
         MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(*chart.topology, measured, job->execution),
                           result.uv, charts.ignored, job->execution);
     all.Add(own);
-    result.charts.push_back({chart.topology->num_faces(), map.flatten, map.is_barycentric, own.map.StretchL2()});
+    own_maps.push_back(own.map);
+    result.charts.push_back(
+        {chart.topology->num_faces(), mapped.map.flatten, mapped.map.is_barycentric, own.map.StretchL2()});
   }
+  WarnOfDensity(*job, charts, atlas, result.uv, &result.warnings);
   all.Fill(&result.quality);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   result.atlases = AtlasReports(*job, charts, atlas, result.uv);
@@ -252,6 +289,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   const SeamOptions& seams = job->options.seams;
   WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
                &result.warnings);
+  if (seams.policy != SeamPolicy::kAuto) WarnOfStretch(*job, charts, own_maps, all.map, result.uv, &result.warnings);
   WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);
   WarnOfTornPolygons(TornPolygons(charts, job->options.face_polygon, result.uv), &result.warnings);
   result.seconds = job->seconds;

@@ -63,19 +63,23 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
   return area;
 }
 
-void MeasureAtlases(const UnwrapOptions& options, Charts* charts) {
+void MeasureAtlases(const Job& job, Charts* charts) {
+  const UnwrapOptions& options = job.options;
   const Surface& surface = *charts->surface;
   std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
     const double area = surface.area[f] * reduction * reduction;
     charts->drawn_area += area;
-    Charts::AtlasSize& size = sizes[AtlasOf(options, f)];
-    size.area += area;
-    if (!surface.takes_part[f]) continue;
-    for (const HalfedgeHandle h : HalfEdgesOf(*surface.mesh, FaceHandle(f))) {
-      size.longest = std::max(size.longest, reduction * surface.length(h));
-    }
+    sizes[AtlasOf(options, f)].area += area;
+  }
+  for (std::int32_t i = 0; i < job.polygons.count(); ++i) {
+    std::int32_t first = -1;
+    job.polygons.ForEachFace(i, [&](std::int32_t f) { first = first < 0 && surface.takes_part[f] ? f : first; });
+    if (first < 0) continue;
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[first];
+    Charts::AtlasSize& size = sizes[AtlasOf(options, first)];
+    size.longest = std::max(size.longest, reduction * SizeOfPolygon(job.mesh, job.polygons, i).length);
   }
   if (options.layout == AtlasLayout::kStacked) return;
   Charts::AtlasSize most;
@@ -182,8 +186,9 @@ double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
 
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
   std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts) {
-    const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map.closed_slits);
+  for (const MappedChart& mapped : charts) {
+    const Chart& chart = mapped.chart;
+    const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, mapped.map.closed_slits);
     for (std::size_t c = 0; c < own.size(); ++c) {
       if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
     }
@@ -205,7 +210,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   const bool by_stretch = seams.policy == SeamPolicy::kAuto;
   std::vector<char> needles;
-  if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->options.tuning);
+  if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->polygons, job->options.tuning);
   PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
                                                         {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
                                                          needles, PartOfFaces(job->options),
@@ -225,7 +230,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const double of_solve = Resolution(job->options, drawn_area, std::ldexp(1.0, -kDigitsOfSolve));
   const double of_double = Resolution(job->options, drawn_area, 0x1p-53);
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
-  WarnOfSurface(surface, charts.ignored, &job->warnings);
+  WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
                               seams.max_stretch, job->execution.Part(kSurfaceShare, kSegmentShare),
@@ -234,10 +239,10 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
   if (!needles.empty()) {
-    charts.reduction =
-        ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
+    charts.reduction = ReduceLongNeedles(job->mesh, job->polygons, needles, charts.segmentation->charts(), job->options,
+                                         &job->warnings);
   }
-  MeasureAtlases(job->options, &charts);
+  MeasureAtlases(*job, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
     const Execution refining = job->execution.Part(kSegmentShare, kRefineShare);

@@ -40,9 +40,9 @@ bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
 
 // Layout and faults. Where faces are too thin, the chart is solved again with these widened. `of_triangle`: the solve
 // of a chart that has none of its own.
-absl::Status Finish(Job* job, const Charts& charts, std::int32_t number,
-                    const std::shared_ptr<const FlattenSummary>& of_triangle, MappedChart* mapped,
-                    const Execution& execution) {
+absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const FlattenSummary>& of_triangle,
+                    MappedChart* mapped) {
+  const auto& [job, charts, number, limits, execution, reports] = solve;
   if (mapped->flattening == nullptr) {
     PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutTriangle(job->mesh, mapped->chart, of_triangle, execution));
   } else {
@@ -53,9 +53,8 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number,
   if (charts.grain > 0 && !IsCutAnyway(*job, *mapped)) {
     for (int i = 0; i < kMostWidenings; ++i) {
       if (!WidenInMap(job->mesh, mapped->map, charts.grain, charts.ignored, &mapped->chart)) break;
-      PLANISH_ASSIGN_OR_RETURN(
-          Flattening flattening,
-          FlattenWith(job, charts, *mapped, number, job->options.flatten.boundary, execution, /*reports=*/false));
+      PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
+                               FlattenWith(solve, job->options.flatten.boundary, limits.solve, mapped));
       PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutChart(job->mesh, mapped->chart, std::move(flattening), execution));
     }
   }
@@ -67,21 +66,20 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number,
   mapped->faults = FindFaults(job->mesh, mapped->chart, mapped->map, charts.ignored, charts.resolution, execution);
   // Where more seams are welcome they are better: of 200 maps that ran over themselves, all were stretched too far by a
   // convex outline, at ten times the cost of a split.
-  if (job->options.seams.policy == SeamPolicy::kNeeded && !execution.IsStopRequested()) {
-    MapWithFixedBorders(job, charts, mapped, execution);
-  }
+  if (limits.other_map > 0 && !execution.IsStopRequested()) MapWithFixedBorders(solve, mapped);
   return absl::OkStatus();
 }
 
 // What the solve of each of these charts that is_triangle_as_measured() says; null if there are none.
 absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, const std::vector<std::int32_t>& todo,
-                                                                     const Charts& charts) {
+                                                                     Charts* charts) {
   const auto first = std::find_if(todo.begin(), todo.end(),
-                                  [&](std::int32_t i) { return charts.charts[i].chart.is_triangle_as_measured(); });
+                                  [&](std::int32_t i) { return charts->charts[i].chart.is_triangle_as_measured(); });
   if (first == todo.end()) return nullptr;
+  const Execution execution = job->execution.ForOneThread();
+  const ChartSolve solve = {job, *charts, *first, {}, execution, /*reports=*/true};
   PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
-                           FlattenWith(job, charts, charts.charts[*first], *first, job->options.flatten.boundary,
-                                       job->execution.ForOneThread(), /*reports=*/true));
+                           FlattenWith(solve, job->options.flatten.boundary, 0, &charts->charts[*first]));
   return std::make_shared<const FlattenSummary>(std::move(flattening.summary));
 }
 
@@ -111,54 +109,90 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
   return true;
 }
 
-absl::StatusOr<Flattening> FlattenWith(Job* job, const Charts& charts, const MappedChart& mapped, std::int32_t number,
-                                       BoundaryType boundary, const Execution& execution, bool reports) {
-  FlattenControl control = {execution};
-  // The sides of a slit must come to lie on each other, or overlap.
-  if (!mapped.chart.slits.empty()) control.flat_enough = job->options.flatten.tolerance;
-  if (reports && job->control.on_progress) {
-    control.on_progress = [job, number](const FlattenProgress& progress) {
+WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector<std::int32_t>& todo) {
+  const AtlasTuning& tuning = job.options.tuning;
+  switch (job.options.seams.policy) {
+    case SeamPolicy::kNone:
+    case SeamPolicy::kKeep:
+      return {.solve = tuning.most_work};
+    case SeamPolicy::kAuto:
+      return {.solve = tuning.most_work, .gives_up = true};
+    case SeamPolicy::kNeeded:
+      break;
+  }
+  double faces = 0;
+  for (const std::int32_t i : todo) faces += static_cast<double>(charts.charts[i].chart.faces.size());
+  const double left = tuning.all_needed_work * static_cast<double>(job.mesh.num_faces()) - charts.work;
+  // One solve and one other map at least.
+  if (left < static_cast<double>(tuning.needed_work + tuning.other_map_work) * faces) {
+    return {.solve = tuning.needed_work, .gives_up = true};
+  }
+  return {.solve = tuning.needed_work, .other_map = tuning.other_map_work};
+}
+
+FlattenControl ControlOf(const ChartSolve& solve) {
+  FlattenControl control = {solve.execution};
+  if (solve.reports && solve.job->control.on_progress) {
+    control.on_progress = [job = solve.job, number = solve.number](const FlattenProgress& progress) {
       job->progress.chart = number;
       job->progress.flatten = progress;
       job->control.on_progress(job->progress);
     };
   }
+  return control;
+}
+
+absl::StatusOr<Flattening> FlattenWith(const ChartSolve& solve, BoundaryType boundary, std::int64_t most_work,
+                                       MappedChart* mapped) {
+  const auto& [job, charts, number, limits, execution, reports] = solve;
+  FlattenControl control = ControlOf(solve);
+  // The sides of a slit must come to lie on each other, or overlap.
+  if (!mapped->chart.slits.empty()) control.flat_enough = job->options.flatten.tolerance;
   FlattenOptions options = job->options.flatten;
   options.boundary = boundary;
+  control.most_work = mapped->is_worth_cutting ? most_work : job->options.tuning.most_work;
   // A chart that takes long is better cut, and solved in parts.
-  if (job->options.seams.policy == SeamPolicy::kAuto && mapped.is_worth_cutting) {
+  if (limits.gives_up && mapped->is_worth_cutting) {
     options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
     control.gives_up = !execution.IsStopRequested();
   }
-  const Topology& topology = *mapped.chart.topology;
-  const Eigen::VectorXd angles = AnglesToKeep(mapped.chart, charts.AnglesOf(job->mesh, mapped.chart, execution));
+  const Topology& topology = *mapped->chart.topology;
+  const Eigen::VectorXd angles = AnglesToKeep(mapped->chart, charts.AnglesOf(job->mesh, mapped->chart, execution));
   const TargetAngles target = MakeTargetAngles(topology, angles, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  return FlattenAngles(topology, target, options, control);
+  absl::StatusOr<Flattening> flattening = FlattenAngles(topology, target, options, control);
+  if (flattening.ok()) mapped->work += static_cast<double>(flattening->summary.work);
+  return flattening;
 }
 
 absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts) {
   Timer timer;
   const auto size = [&](std::int32_t i) { return charts->charts[i].chart.faces.size(); };
   std::stable_sort(todo.begin(), todo.end(), [&](std::int32_t i, std::int32_t j) { return size(i) > size(j); });
+  const WorkLimits limits = WorkLimitsFor(*job, *charts, todo);
   // The solve announces itself, with its first residual.
   job->progress.stage = UnwrapStage::kSolve;
   job->progress.chart_count = charts->count();
-  PLANISH_ASSIGN_OR_RETURN(const std::shared_ptr<const FlattenSummary> of_triangle, SolveTriangles(job, todo, *charts));
+  PLANISH_ASSIGN_OR_RETURN(const std::shared_ptr<const FlattenSummary> of_triangle, SolveTriangles(job, todo, charts));
   ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool reports) {
     MappedChart& mapped = charts->charts[i];
     mapped.status = absl::OkStatus();
+    mapped.work = 0;
     if (mapped.chart.is_triangle_as_measured()) return;
-    auto flattening = FlattenWith(job, *charts, mapped, i, job->options.flatten.boundary, execution, reports);
+    const ChartSolve solve = {job, *charts, i, limits, execution, reports};
+    auto flattening = FlattenWith(solve, job->options.flatten.boundary, limits.solve, &mapped);
     mapped.status = flattening.status();
     if (flattening.ok()) mapped.flattening = std::make_unique<Flattening>(*std::move(flattening));
   });
   job->seconds.solve += timer.Restart();
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kLayout));
-  ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool) {
+  ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool reports) {
     MappedChart& mapped = charts->charts[i];
-    if (mapped.status.ok()) mapped.status = Finish(job, *charts, i, of_triangle, &mapped, execution);
+    if (mapped.status.ok()) {
+      mapped.status = Finish({job, *charts, i, limits, execution, reports}, of_triangle, &mapped);
+    }
   });
+  for (const std::int32_t i : todo) charts->work += charts->charts[i].work * static_cast<double>(size(i));
   job->seconds.layout += timer.Restart();
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   for (const std::int32_t i : todo) NoteWidened(charts->charts[i].chart, job->mesh.num_faces(), charts);

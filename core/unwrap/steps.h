@@ -32,6 +32,7 @@
 #include "core/pack/necks.h"
 #include "core/unwrap/chart.h"
 #include "core/unwrap/chart_estimate.h"
+#include "core/unwrap/polygons.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
 
@@ -43,6 +44,7 @@ struct Job {
   const UnwrapOptions& options;
   const UnwrapControl& control;
   const Execution execution;
+  const Polygons polygons;
   UnwrapProgress progress = {};
   std::vector<UnwrapWarning> warnings = {};
   UnwrapSeconds seconds = {};
@@ -65,6 +67,7 @@ struct MappedChart {
   std::unique_ptr<Flattening> flattening;  // from solve to layout; null for a triangle as measured
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
+  double work = 0;      // FlattenWork::work of all solves of the last SolveCharts()
   absl::Status status;  // of solve and layout
 
   // Whether the chart is no disc, and its map has a slit.
@@ -83,7 +86,7 @@ struct Charts {
   // of any atlas. The area is the square of a length that those of charts can be compared with.
   struct AtlasSize {
     double area = 0;     // as drawn
-    double longest = 0;  // edge, as drawn: which sets the scale if it is longer than the texture
+    double longest = 0;  // polygon, as drawn: which sets the scale if it is longer than the texture
   };
   std::map<std::int32_t, AtlasSize> atlas_size;
   // What places are rounded to, about, in the units of the surface: with float, or with double if that is known to be
@@ -92,9 +95,12 @@ struct Charts {
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   std::vector<std::int32_t> place;  // per face: its number in the chart that it was last extracted with
-  int widenings = 0;                // calls of WidenCharts() that found something
-  std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
-  bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
+  double work = 0;                  // work of all solves so far, each weighted by the faces of its chart
+  // With SeamPolicy::kNeeded: charts that were cut since their solves took too much work.
+  std::int64_t given_up = 0;
+  int widenings = 0;               // calls of WidenCharts() that found something
+  std::deque<MappedChart> charts;  // no vector: charts are added to many that are large
+  bool are_joined = false;         // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
@@ -120,16 +126,36 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts);
 // failed solve is none: MappedChart::status has it.
 absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts);
 
-// ABF of one chart. `reports`: to the caller, on whose thread it runs.
-absl::StatusOr<Flattening> FlattenWith(Job* job, const Charts& charts, const MappedChart& mapped, std::int32_t number,
-                                       BoundaryType boundary, const Execution& execution, bool reports);
+// How much work the maps of charts may take (AtlasTuning::most_work and following).
+struct WorkLimits {
+  std::int64_t solve = 0;      // FlattenControl::most_work of a chart that may be cut
+  std::int64_t other_map = 0;  // of each other map that MapWithFixedBorders() tries; 0: none is tried
+  bool gives_up = false;       // FlattenControl::gives_up
+};
+// Those of the next SolveCharts(), for these charts.
+WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector<std::int32_t>& todo);
+
+// How one chart is solved for and, if `reports`, reported to the caller, on whose thread it runs then.
+struct ChartSolve {
+  Job* job;
+  const Charts& charts;
+  std::int32_t number;  // of the chart
+  WorkLimits limits;
+  const Execution& execution;
+  bool reports;
+};
+
+// ABF of one chart; adds to its `work`. The control for such a solve of another topology of it.
+absl::StatusOr<Flattening> FlattenWith(const ChartSolve& solve, BoundaryType boundary, std::int64_t most_work,
+                                       MappedChart* mapped);
+FlattenControl ControlOf(const ChartSolve& solve);
 
 // Root mean square, of a map for which the given borders are kept.
 inline constexpr double kMostStretchForBorders = 100;
 
 // Where the map of a chart overlaps itself, needs a slit, or is stretched beyond use by a barrier: takes the first of a
 // list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
-void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution);
+void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped);
 
 // Cuts those of the charts in `todo`, the last that were solved, whose maps are no use. Returns whether there were any;
 // `todo` has then what is to be solved. CANCELLED after a cancellation.
@@ -161,6 +187,9 @@ absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
 // The number of the atlas that a face goes into, and with it its chart.
 std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
+
+// The mean of UnwrapOptions::face_weights over a chart, by area; the plain mean if its faces have no area.
+double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart);
 
 // Where the charts go.
 struct Atlas {
@@ -233,25 +262,41 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
 // Measures what is delivered and reports, the job's warnings and seconds included. CANCELLED after a cancellation.
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery);
 
-// ---- What callers are told about a result, in words and as data (warnings.cc).
+// ---- What callers are told about a result, in words and as data (warnings.cc). Messages count polygons, since these
+// are the caller's faces; "count" in the metadata counts triangles, and UnwrapWarning::faces has their numbers.
 
 // FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
-void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings);
+void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,
+                   std::vector<UnwrapWarning>* warnings);
 
 // FACES_WIDENED: `widened` are all such faces, ascending.
+void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
+                   std::vector<UnwrapWarning>* warnings);
+
 // POLYGON_TORN, with the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
-void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision, std::vector<UnwrapWarning>* warnings);
-
-// SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others.
-void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings);
+// SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others, `given_up` of
+// these others because of the work that their solves took.
+void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::int64_t given_up,
+                      std::vector<UnwrapWarning>* warnings);
 
 // NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP,
 // STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been
 // left without the cuts that they need.
 void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
                   std::vector<UnwrapWarning>* warnings);
+
+// STRETCH_HIGH: charts that are stretched beyond this where the caller's seams decide, not SeamOptions::max_stretch.
+inline constexpr double kMuchStretch = 2;
+// `stretch` per chart; `worst_face` its most stretched face.
+void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std::int32_t>& worst_face,
+                       SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
+
+// DENSITY_VARIES: charts that have another texel density in `uv`, the UV as delivered, than AtlasReport says, but for
+// those of CHARTS_REDUCED. FACES_TOO_LONG: polygons so long that they set the density of all (density.cc).
+void WarnOfDensity(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv,
+                   std::vector<UnwrapWarning>* warnings);
 
 // STOPPED: the caller asked for the best map so far.
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings);

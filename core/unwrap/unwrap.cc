@@ -182,7 +182,7 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
   const std::function<void(double)> reach = [&watched](double fraction) { watched->Reach(fraction); };
   Execution reporting = execution;
   reporting.progress = &reach;
-  Job job = {mesh, options, control, reporting};
+  Job job = {mesh, options, control, reporting, Polygons(mesh.num_faces(), options.face_polygon)};
   watched = &job;
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
@@ -217,7 +217,7 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
     if (options.seams.policy == SeamPolicy::kNeeded) {
       const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
       WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
-                       &job.warnings);
+                       charts.given_up, &job.warnings);
     }
     return Report(&job, charts, *atlas, std::move(delivery));
   }
@@ -245,8 +245,11 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     result = UnwrapInOrder(mesh, options, control, execution);
   }
   PLANISH_RETURN_IF_ERROR(result.status());
+  const Polygons polygons(mesh.num_faces(), options.face_polygon);
   for (UnwrapWarning& warning : result->warnings) {
-    if (!warning.faces.empty()) warning.metadata["faces"] = FirstFaces(warning.faces);
+    if (warning.faces.empty()) continue;
+    warning.metadata["faces"] = FirstFaces(warning.faces);
+    if (!polygons.are_triangles()) warning.metadata["polygons"] = absl::StrCat(polygons.CountIn(warning.faces));
   }
   return result;
 }

@@ -49,16 +49,33 @@ std::string FirstFaces(const std::vector<std::int32_t>& faces) {
   return absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",");
 }
 
-void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings) {
+void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,
+                   std::vector<UnwrapWarning>* warnings) {
   std::vector<std::int32_t> faces;
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
     if (ignored[f]) faces.push_back(f);
   }
-  const std::int64_t without_area = std::ssize(faces), edges = surface.non_manifold_edges;
-  WarnOf(without_area, "FACES_WITHOUT_AREA",
-         absl::StrCat(Counted(without_area, "face has", "faces have"),
-                      " no area; they get UV, but no promise holds for them"),
-         faces, warnings);
+  // If three corners of a polygon lie on one line, one of its triangles may have no area although the polygon has some.
+  std::int64_t flat_polygons = 0, flat_triangles = std::ssize(faces);
+  for (std::int32_t i = 0; i < polygons.count() && !faces.empty(); ++i) {
+    std::int64_t flat = 0, all = 0;
+    polygons.ForEachFace(i, [&](std::int32_t f) {
+      ++all;
+      flat += ignored[f] != 0;
+    });
+    if (flat < all) continue;
+    ++flat_polygons;
+    flat_triangles -= all;
+  }
+  std::vector<std::string> flat;
+  if (flat_polygons > 0) flat.push_back(Counted(flat_polygons, "face has no area", "faces have no area"));
+  if (flat_triangles > 0) {
+    flat.push_back(Counted(flat_triangles, "triangle inside of a polygon has no area",
+                           "triangles inside of polygons have no area"));
+  }
+  WarnOf(std::ssize(faces), "FACES_WITHOUT_AREA",
+         absl::StrCat(absl::StrJoin(flat, ", "), "; they get UV, but no promise holds for them"), faces, warnings);
+  const std::int64_t edges = surface.non_manifold_edges;
   WarnOf(edges, "EDGES_NON_MANIFOLD",
          absl::StrCat("more than two faces meet at ", Counted(edges, "edge", "edges"),
                       "; pairs of them stay joined, the flattest first"),
@@ -81,26 +98,62 @@ void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vecto
          first_faces, warnings);
 }
 
-void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision,
+void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
                    std::vector<UnwrapWarning>* warnings) {
   WarnOf(std::ssize(widened), "FACES_WIDENED",
-         absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
+         absl::StrCat(Counted(polygons.CountIn(widened), "face is thinner", "faces are thinner"), " than ",
                       precision == Precision::kFloat ? "float" : "double",
                       " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
          widened, warnings);
 }
 
-void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {
+void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::int64_t given_up,
+                      std::vector<UnwrapWarning>* warnings) {
   if (slit == 0 && added == 0) return;
   std::vector<std::string> parts;
   if (slit > 0) parts.push_back(absl::StrCat(Counted(slit, "chart was", "charts were"), " slit open to lie flat"));
   if (added > 0) {
     parts.push_back(absl::StrCat(Counted(added, "chart was", "charts were"),
-                                 " split off, as the map would have overlapped itself"));
+                                 " split off, as the map would have overlapped itself or been stretched beyond use"));
   }
-  warnings->push_back({"SEAMS_ADDED",
-                       absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
-                       {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}}});
+  if (given_up > 0) {
+    parts.push_back(
+        absl::StrCat(Counted(given_up, "solve was", "solves were"), " given up before, since it took too much work"));
+  }
+  warnings->push_back(
+      {"SEAMS_ADDED",
+       absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
+       {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}, {"given_up", absl::StrCat(given_up)}}});
+}
+
+void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std::int32_t>& worst_face,
+                       SeamPolicy policy, std::vector<UnwrapWarning>* warnings) {
+  std::vector<int> found;
+  for (std::size_t i = 0; i < stretch.size(); ++i) {
+    if (stretch[i] > kMuchStretch) found.push_back(static_cast<int>(i));
+  }
+  if (found.empty()) return;
+  std::stable_sort(found.begin(), found.end(), [&](int i, int j) { return stretch[i] > stretch[j]; });
+  std::vector<std::string> named;
+  for (const int i : std::span(found).first(std::min<std::size_t>(found.size(), 4))) {
+    named.push_back(absl::StrFormat("chart %d by %.3g", i, stretch[i]));
+  }
+  std::string where = absl::StrJoin(named, ", ");
+  if (found.size() > named.size()) absl::StrAppend(&where, " and ", found.size() - named.size(), " more");
+  std::map<std::string, std::string> metadata = ChartMetadata(found);
+  metadata["stretch"] = absl::StrFormat("%g", stretch[found.front()]);
+  std::vector<std::int32_t> faces;
+  for (const int i : found) faces.push_back(worst_face[i]);
+  // With kNone there is no other seam to keep.
+  const std::string remedy = policy == SeamPolicy::kNone
+                                 ? "allow seams (--seams=auto)"
+                                 : "allow more seams (--seams=auto and the same sources), or give one there yourself";
+  warnings->push_back(
+      {"STRETCH_HIGH",
+       absl::StrFormat("%s stretched beyond %g (L2; 1 is none), most of all at the faces named: %s; "
+                       "the borders leave no better map: %s",
+                       Counted(std::ssize(found), "chart is", "charts are"), kMuchStretch, where, remedy),
+       std::move(metadata), std::move(faces)});
 }
 
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings) {
@@ -159,6 +212,12 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten->barrier > 0 && !c.flatten->stopped; },
       [](const ChartReport& c) {
         const bool convex = c.flatten->boundary.type == BoundaryType::kConvex;
+        if (c.flatten->out_of_work) {
+          return absl::StrFormat(
+              "a barrier of %g keeps the triangles open; within the work allowed no minimum of the "
+              "ABF energy alone was found",
+              c.flatten->barrier);
+        }
         return absl::StrFormat(
             "the ABF energy alone has no minimum with positive angles on this mesh%s; a "
             "barrier of %g keeps its triangles open; a seam%s would relieve it",

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "client/files/mesh_file.h"
+#include "client/files/uv_islands.h"
 #include "tests/testing/families.h"
 
 namespace planish::bench {
@@ -316,6 +317,25 @@ absl::StatusOr<Mesh> LoadMesh(const std::string& spec) {
   Mesh mesh = Triangulate(file->mesh).mesh;
   for (std::int64_t i = 0; i < levels; ++i) mesh = SubdivideLoop(mesh);
   return mesh;
+}
+
+std::optional<SeamedMesh> ReadWithSeams(const std::string& path) {
+  const absl::StatusOr<MeshFile> file = ReadMeshFile(path);
+  if (!file.ok()) return std::nullopt;
+  const Triangulation triangles = Triangulate(file->mesh);
+  SeamedMesh seamed = {triangles.mesh, !file->mesh.corner_texcoord.empty(), {}};
+  if (!seamed.has_uv) return seamed;
+  std::vector<double> uv;
+  for (const std::int64_t corner : triangles.corner_of_triangle) {
+    const std::int32_t id = file->mesh.corner_texcoord[corner];
+    const Vec2 p = id < 0 ? Vec2(0, 0) : file->mesh.texcoords[id];
+    uv.insert(uv.end(), {p.x(), p.y()});
+  }
+  const std::vector<char> is_outline = FindUvIslands(seamed.mesh, uv, triangles.source_polygon).is_outline;
+  for (std::size_t c = 0; c < is_outline.size(); ++c) {
+    if (is_outline[c]) seamed.seam_corners.push_back(static_cast<std::int32_t>(c));
+  }
+  return seamed;
 }
 
 std::string LabelOf(const std::string& spec) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,15 @@ absl::StatusOr<Mesh> LoadMesh(const std::string& spec);
 // Its short name in tables: NAME, FAMILY_TRIANGLES_SEED, the file's name without extension, and _L1 and the like after
 // subdivision.
 std::string LabelOf(const std::string& spec);
+
+// A mesh file's triangles, and the corners that face the borders of its UV islands.
+struct SeamedMesh {
+  Mesh mesh;
+  bool has_uv = false;
+  std::vector<std::int32_t> seam_corners;  // empty without UV
+};
+// Nothing if the file cannot be read.
+std::optional<SeamedMesh> ReadWithSeams(const std::string& path);
 
 // Loop subdivision with his rules for the boundary: four triangles for one, vertices smoothed. `mesh` must be manifold.
 Mesh SubdivideLoop(const Mesh& mesh);

@@ -27,11 +27,10 @@
 #include <vector>
 
 #include "CLI/CLI.hpp"
-#include "client/files/mesh_file.h"
-#include "client/files/uv_islands.h"
 #include "core/base/timer.h"
 #include "core/unwrap/estimate.h"
 #include "core/unwrap/unwrap.h"
+#include "tests/bench/bench_meshes.h"
 #include "tests/core/promises.h"
 #include "tests/testing/dice.h"
 #include "tests/testing/families.h"
@@ -52,32 +51,6 @@ void WriteObj(const std::string& path, const Mesh& mesh) {
   file.precision(17);
   for (const Vec3& p : mesh.positions) file << "v " << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
   for (const Face& f : mesh.faces) file << "f " << f[0] + 1 << ' ' << f[1] + 1 << ' ' << f[2] + 1 << '\n';
-}
-
-struct Given {
-  Mesh mesh;
-  std::vector<std::int32_t> seam_corners;  // along the borders of the file's UV, if asked for
-};
-
-// Nothing if the file cannot be read, or has no UV where these are asked for.
-std::optional<Given> Read(const std::string& path, bool along_uv) {
-  const absl::StatusOr<MeshFile> file = ReadMeshFile(path);
-  if (!file.ok()) return std::nullopt;
-  const Triangulation triangles = Triangulate(file->mesh);
-  Given given = {triangles.mesh, {}};
-  if (!along_uv) return given;
-  if (file->mesh.corner_texcoord.empty()) return std::nullopt;
-  std::vector<double> uv;
-  for (const std::int64_t corner : triangles.corner_of_triangle) {
-    const std::int32_t id = file->mesh.corner_texcoord[corner];
-    const Vec2 p = id < 0 ? Vec2(0, 0) : file->mesh.texcoords[id];
-    uv.insert(uv.end(), {p.x(), p.y()});
-  }
-  const std::vector<char> is_outline = FindUvIslands(given.mesh, uv, triangles.source_polygon).is_outline;
-  for (std::size_t c = 0; c < is_outline.size(); ++c) {
-    if (is_outline[c]) given.seam_corners.push_back(static_cast<std::int32_t>(c));
-  }
-  return given;
 }
 
 // A line "VmHWM:   1234 kB" of /proc/self/status, in bytes.
@@ -297,8 +270,9 @@ int Main(int argc, char** argv) {
   options.seams.policy = policies.at(seams);
   Hunt hunt(options, memory, out, cases);
   for (const std::string& file : files) {
-    std::optional<Given> given = Read(file, seams == "uv");
-    if (!given || given->mesh.faces.empty()) continue;
+    std::optional<SeamedMesh> given = ReadWithSeams(file);
+    if (!given || given->mesh.faces.empty() || (seams == "uv" && !given->has_uv)) continue;
+    if (seams != "uv") given->seam_corners.clear();
     options.seams.corners = std::move(given->seam_corners);
     hunt.Try(std::filesystem::path(file).stem(), given->mesh);
     hunt.EndFamily(std::filesystem::path(file).filename());

@@ -25,6 +25,7 @@ std::vector<TuningConstant> ConstantsOf(FlattenTuning* tuning) {
   LineSearchTuning& line_search = tuning->newton.line_search;
   BarrierTuning& barrier = tuning->newton.barrier;
   StopTuning& stop = tuning->newton.stop;
+  WorkTuning& work = tuning->newton.work;
   StepTuning& step = tuning->step;
   BoundaryTuning& boundary = tuning->boundary;
   LinearTuning& linear = tuning->linear;
@@ -75,6 +76,9 @@ std::vector<TuningConstant> ConstantsOf(FlattenTuning* tuning) {
       {"newton.stop.min_iterations", &stop.min_iterations},
       {"newton.stop.iteration_faces", &stop.iteration_faces},
       {"newton.stop.tolerance", &stop.tolerance},
+      {"newton.work.setup", &work.setup},
+      {"newton.work.step", &work.step},
+      {"newton.work.trial", &work.trial},
       {"step.multigrid_faces", &step.multigrid_faces},
       {"step.worn_out_factorization", &step.worn_out_factorization},
       {"step.worn_out_multigrid", &step.worn_out_multigrid},

@@ -257,6 +257,30 @@ TEST(Flatten, EndsAtAHardSystemIfTheCallerGivesUp) {
   EXPECT_TRUE(run().converged) << "a tolerance of one's own takes what it takes";
 }
 
+// A barrier that does not pay ends a solve like any other work beyond what is allowed; the summary says so.
+TEST(Flatten, EndsWhereItWouldTakeTooMuchWork) {
+  const Disc disc(testing::PuncturedSphere(16, 0.02));
+  for (const BoundaryType boundary : {BoundaryType::kFree, BoundaryType::kConvex}) {
+    FlattenOptions options;
+    options.boundary = boundary;
+    FlattenControl control;
+    const auto run = [&] { return *FlattenAngles(disc.topology, disc.target, options, control); };
+    const Flattening whole = run();
+    ASSERT_TRUE(whole.summary.converged);
+    EXPECT_FALSE(whole.summary.out_of_work);
+    EXPECT_GE(whole.summary.work, whole.summary.linear_iterations + whole.summary.newton_iterations);
+    control.most_work = whole.summary.work + 1;
+    EXPECT_EQ(run().angles, whole.angles) << "a limit that is not reached changes nothing";
+    control.most_work = whole.summary.work / 2;
+    const FlattenSummary given_up = run().summary;
+    EXPECT_TRUE(given_up.out_of_work);
+    EXPECT_FALSE(given_up.converged);
+    EXPECT_LT(given_up.work, control.most_work + 100) << "a step more, or a set";
+    EXPECT_THAT(given_up.stop_message, ::testing::HasSubstr("too much work"));
+    EXPECT_EQ(given_up.linear_failures, whole.summary.linear_failures) << "the limit is no failure";
+  }
+}
+
 TEST(Flatten, ReportsThePreconditionerThatTheSizeChose) {
   const Disc disc(testing::Hills(30, 30, 1.5));
   FlattenOptions options;

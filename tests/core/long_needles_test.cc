@@ -46,6 +46,10 @@ bool HasWarning(const UnwrapResult& result, const std::string& reason) {
   return false;
 }
 
+std::vector<char> LongNeedlesOf(const Mesh& mesh) {
+  return FindLongNeedles(mesh, Polygons(mesh.num_faces(), {}), AtlasTuning());
+}
+
 TEST(LongNeedles, LeaveRoomForTheOthers) {
   for (const Precision precision : {Precision::kFloat, Precision::kDouble}) {
     const Mesh mesh = SheetWithFins(1e5);
@@ -60,16 +64,15 @@ TEST(LongNeedles, LeaveRoomForTheOthers) {
 }
 
 TEST(LongNeedles, AreThoseThatNoTextureShows) {
-  const AtlasTuning tuning;
-  const std::vector<char> found = FindLongNeedles(SheetWithFins(1e5), tuning);
+  const std::vector<char> found = LongNeedlesOf(SheetWithFins(1e5));
   ASSERT_EQ(found.size(), 2 * 24 * 24 + 8u);
   EXPECT_THAT(std::vector<char>(found.begin(), found.end() - 8), Each(0));
   EXPECT_THAT(std::vector<char>(found.end() - 8, found.end()), Each(1));
-  EXPECT_THAT(FindLongNeedles(SheetWithFins(1), tuning), IsEmpty());
+  EXPECT_THAT(LongNeedlesOf(SheetWithFins(1)), IsEmpty());
   // A mesh of nothing else keeps one scale.
   Mesh cables = SheetWithFins(1e5);
   cables.faces.erase(cables.faces.begin(), cables.faces.end() - 8);
-  EXPECT_THAT(FindLongNeedles(cables, tuning), IsEmpty());
+  EXPECT_THAT(LongNeedlesOf(cables), IsEmpty());
 }
 
 }  // namespace

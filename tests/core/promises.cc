@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "Eigen/Geometry"
 #include "core/base/error.h"
@@ -69,6 +70,57 @@ std::vector<char> WithoutArea(const Mesh& mesh, const std::vector<std::int32_t>&
   return ignored;
 }
 
+// Relative: what the density of a chart may be off by where no warning names its faces.
+constexpr double kDensitySlack = 0.03;
+// A face that spans so much of a tile, while less of the texture than this is used, must be named.
+constexpr double kSpansTile = 0.8, kHardlyUsed = 0.15;
+// Of edges squared: the density of charts with less area is not judged.
+constexpr double kLeastArea = 1e-4;
+
+// Per face: whether a warning of these reasons names it.
+std::vector<char> NamedBy(const UnwrapResult& result, const std::set<std::string>& reasons) {
+  std::vector<char> named(result.face_chart.size(), 0);
+  for (const UnwrapWarning& warning : result.warnings) {
+    if (!reasons.contains(warning.reason)) continue;
+    for (const std::int32_t f : warning.faces) named[f] = 1;
+  }
+  return named;
+}
+
+// All charts have the density that is told, or are named.
+void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapResult& result,
+                  const std::vector<char>& ignored, std::vector<std::string>* broken) {
+  if (!options.pack || !options.face_weights.empty() || !options.face_atlas.empty()) return;
+  const double scale = result.texels_per_unit / options.atlas.texture_size;
+  const std::vector<char> is_named = NamedBy(result, {"CHARTS_REDUCED", "DENSITY_VARIES", "FACES_WIDENED"});
+  std::vector<double> area(result.charts.size()), uv_area = area, squares = area;
+  std::vector<char> skipped(result.charts.size(), 0);
+  double longest = 0;
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    if (ignored[f]) continue;
+    const std::int32_t i = result.face_chart[f];
+    if (is_named[f]) skipped[i] = 1;
+    const double length = LongestEdge(mesh, f);
+    longest = std::max(longest, LongestInUv(result, f));
+    if (std::binary_search(result.widened.begin(), result.widened.end(), f)) continue;
+    area[i] += Altitude(mesh, f) * length / 2;
+    squares[i] += length * length;
+    const Vec2 a = UvOf(result.uv, 3 * f), b = UvOf(result.uv, 3 * f + 1) - a, c = UvOf(result.uv, 3 * f + 2) - a;
+    uv_area[i] += std::abs(b.x() * c.y() - b.y() * c.x()) / 2;
+  }
+  std::int64_t other = 0;
+  for (std::size_t i = 0; i < area.size(); ++i) {
+    if (skipped[i] || area[i] <= kLeastArea * squares[i]) continue;
+    other += std::abs(std::sqrt(uv_area[i] / area[i]) / scale - 1) > kDensitySlack;
+  }
+  if (other > 0) broken->push_back(std::to_string(other) + " charts have another density than is told");
+  const std::vector<char> is_long = NamedBy(result, {"FACES_TOO_LONG"});
+  if (longest > kSpansTile && result.quality.packing_efficiency < kHardlyUsed * options.atlas.tiles &&
+      std::find(is_long.begin(), is_long.end(), 1) == is_long.end()) {
+    broken->push_back("a long face sets the density without a warning");
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& options,
@@ -99,17 +151,15 @@ std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& o
   }
   const double thick = result->precision == Precision::kFloat ? kThickForFloat : kThickForDouble;
   const double atlas_scale = result->texels_per_unit / options.atlas.texture_size;
-  const auto needless = std::count_if(result->widened.begin(), result->widened.end(),
-                                      [&](std::int32_t f) {
-                                        const double scale =
-                                            std::min(atlas_scale, LongestInUv(*result, f) / LongestEdge(mesh, f));
-                                        return Altitude(mesh, f) * scale > thick &&
-                                               Altitude(mesh, f) > kNeedle * LongestEdge(mesh, f);
-                                      });
+  const auto needless = std::count_if(result->widened.begin(), result->widened.end(), [&](std::int32_t f) {
+    const double scale = std::min(atlas_scale, LongestInUv(*result, f) / LongestEdge(mesh, f));
+    return Altitude(mesh, f) * scale > thick && Altitude(mesh, f) > kNeedle * LongestEdge(mesh, f);
+  });
   if (needless > 0) broken.push_back(std::to_string(needless) + " faces were widened that need not be");
   const bool is_outside =
       std::any_of(result->uv.begin(), result->uv.end(), [&](double x) { return !(x >= 0 && x <= 10); });
   if (is_outside) broken.push_back("UV lie outside of the tiles");
+  JudgeDensity(mesh, options, *result, ignored, &broken);
   return broken;
 }
 
