@@ -202,7 +202,8 @@ TEST(ProgressBarTest, MovesWhileChartsAreMade) {
     const double part = percent / 100.0;
     progress.elapsed_seconds = 60 * part;  // a slow machine
     progress.Apply(ToEvent({60 * part, Stage::kCharts, 1, part}));
-    if (percent >= 25) EXPECT_NEAR(progress.Fraction(), 0.45 * part, 0.1) << percent;
+    if (percent < 25) continue;
+    EXPECT_NEAR(progress.Fraction(), 0.45 * part, 0.1) << percent;
   }
   EXPECT_EQ(RenderBar(progress, Ascii(80), 0).substr(0, 14), "| charts 100 %");
 }
