@@ -15,11 +15,12 @@ struct Weights {
   double solve = 4e-6;   // seconds a byte
   double cuts = 0.65;    // times what came before the first solve: all solves
   double pack = 0.1;     // seconds, and
+  double chart = 1e-3;   // seconds a chart, up to all that came before, and
   double packs = 0.35;   // times all that came before
   double verify = 0.03;  // times all that came before
 };
 // Other policies do not cut for stretch.
-constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0.15, 0.1};
+constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0, 0.15, 0.1};
 
 constexpr double kStart = 0.01;          // seconds, of a worker
 constexpr double kBestPackSeconds = 40;  // from 5 charts on 10 to 60
@@ -48,6 +49,7 @@ void WorkEstimate::OnJob(const Job& job) {
 
 void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
   const double now = progress.elapsed.count();
+  charts_ = progress.chart_count;
   const int phase = progress.stage < Stage::kSolve   ? kCut
                     : progress.stage < Stage::kPack  ? kSolve
                     : progress.stage == Stage::kPack ? kPack
@@ -82,7 +84,8 @@ double WorkEstimate::PackSeconds(double seconds) const {
   // As the server bounds it.
   const double normal = weights.packs * seconds;
   if (options_.effort == Effort::kBest) return std::max(kBestPackSeconds, 100 * normal);
-  return weights.pack + (options_.effort == Effort::kFast ? 0.5 : 1) * normal;
+  return weights.pack + std::min(weights.chart * charts_, seconds) +
+         (options_.effort == Effort::kFast ? 0.5 : 1) * normal;
 }
 
 double WorkEstimate::VerifySeconds(double seconds) const {

@@ -39,6 +39,7 @@ class WorkEstimate {
 
   UnwrapOptions options_;
   double bytes_ = 0;  // of the mesh as sent
+  int charts_ = 0;    // as far as they are known
   int phase_ = kCut;
   // Of kCut: what the stage of charts told last of its part that is done, and when; 0: nothing yet.
   double charts_began_ = 0, charts_part_ = 0, charts_told_ = 0;

@@ -172,6 +172,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   const WorkLimits limits = WorkLimitsFor(*job, *charts, todo);
   // The solve announces itself, with its first residual.
   job->progress.stage = UnwrapStage::kSolve;
+  job->progress.stage_fraction = 0;
   job->progress.chart_count = charts->count();
   PLANISH_ASSIGN_OR_RETURN(const std::shared_ptr<const FlattenSummary> of_triangle, SolveTriangles(job, todo, charts));
   ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool reports) {

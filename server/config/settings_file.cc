@@ -1,10 +1,13 @@
 #include "server/config/settings_file.h"
 
+#include <cerrno>
+#include <cstring>
+#include <fstream>
 #include <map>
 #include <optional>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/read_file.h"
 #include "yaml-cpp/yaml.h"
 
 namespace planish {
@@ -38,16 +41,20 @@ class Reader {
 
  private:
   std::optional<std::string> Bytes() {
-    absl::StatusOr<std::string> bytes = ReadTextFile("the settings file", path_);
-    if (!bytes.ok()) {
-      file_.errors.emplace_back(bytes.status().message());
+    errno = 0;
+    std::ifstream stream(path_, std::ios::binary);
+    std::ostringstream bytes;
+    // A directory opens, and fails when it is read.
+    if (!stream || !(bytes << stream.rdbuf())) {
+      if (stream.is_open() && errno == 0) return "";
+      Fail(absl::StrCat("cannot read it: ", std::strerror(errno)));
       return std::nullopt;
     }
-    if (bytes->size() > kMaxBytes) {
+    if (bytes.view().size() > kMaxBytes) {
       Fail(absl::StrCat("is larger than ", kMaxBytes, " bytes"));
       return std::nullopt;
     }
-    return *std::move(bytes);
+    return std::move(bytes).str();
   }
 
   void ReadMap(const YAML::Node& map) {

@@ -166,7 +166,7 @@ TEST_F(SettingsTest, YamlOfSettingsGivesTheSameSettings) {
 
 TEST_F(SettingsTest, FilesThatAreNone) {
   EXPECT_THAT(ReadSettingsFile(dir_.Path("gone")).errors,
-              ElementsAre("cannot read the settings file " + dir_.Path("gone") + ": No such file or directory"));
+              ElementsAre(dir_.Path("gone") + ": cannot read it: No such file or directory"));
   const auto errors = [this](const std::string& text) { return ReadSettingsFile(Write(text)).errors; };
   const std::string path = dir_.Path("f.yaml");
   EXPECT_THAT(errors("a: [b\n"), ElementsAre(::testing::StartsWith(path + ":2: this is no YAML: ")));
