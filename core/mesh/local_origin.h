@@ -1,6 +1,10 @@
-// Positions far from the origin, where float has too few digits for them.
+// Positions far from the origin, where float has too few digits for them. Without a source file: the client library
+// contains core/base and core/draco only.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <vector>
 
 #include "core/mesh/mesh.h"
@@ -17,6 +21,29 @@ namespace planish {
 //
 // The clients have this rule three times, here and in client/python/planish/mesh.py and
 // client/blender/planish_blender/meshes.py: the same mesh gets the same UV from each of them.
-Vec3 LocalOrigin(const std::vector<Vec3>& positions);
+inline Vec3 LocalOrigin(const std::vector<Vec3>& positions) {
+  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  bool is_float = true;
+  for (const Vec3& p : positions) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!std::isfinite(p[axis])) continue;
+      low[axis] = std::min(low[axis], p[axis]);
+      high[axis] = std::max(high[axis], p[axis]);
+      is_float = is_float && double{static_cast<float>(p[axis])} == p[axis];
+    }
+  }
+  const double side = (high - low).maxCoeff();
+  if (is_float || !std::isfinite(side) || side <= 0) return Vec3::Zero();
+  int exponent = 0;
+  std::frexp(side, &exponent);
+  const double step = std::ldexp(1.0, exponent - 2);  // in (side / 4, side / 2]
+  if (step == 0) return Vec3::Zero();
+  Vec3 origin = Vec3::Zero();
+  for (int axis = 0; axis < 3; ++axis) {
+    const double middle = low[axis] / 2 + high[axis] / 2;
+    if (std::abs(middle) > side) origin[axis] = std::floor(middle / step + 0.5) * step;
+  }
+  return origin;
+}
 
 }  // namespace planish

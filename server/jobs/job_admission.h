@@ -70,7 +70,7 @@ class JobAdmission {
     std::optional<AcceptedJob> known;  // the job that has its request id; then the rest is empty
     JobRequest request;
     std::string work_key;
-    BlobHold mesh_hold, numbers_hold;  // until the record refers to them
+    BlobHold mesh_hold, elements_hold;  // until the record refers to them
     std::vector<StoredBlobPtr> blobs;
     NewJob job;
     std::shared_ptr<JobEventLog> events;
