@@ -483,14 +483,16 @@ std::string Details(const Report& report) {
 }
 
 // A line each; of many with the same reason the first few, unless `all` are wanted.
-std::string WarningsText(const std::vector<Warning>& warnings, bool all, const Terminal& terminal) {
+std::string WarningsText(const std::vector<Warning>& warnings, const std::vector<std::string>& places, bool all,
+                         const Terminal& terminal) {
   std::map<std::string, std::size_t> count;
   std::string text;
   const std::string mark = Colored(terminal, "\x1b[33m", "warning:") + " ";
-  for (const Warning& warning : warnings) {
-    if (++count[warning.reason] <= kMaxWarningsOfAKind || all) {
-      text += mark + Printable(warning.message + " [" + warning.reason + "]", true) + "\n";
-    }
+  for (std::size_t i = 0; i < warnings.size(); ++i) {
+    const Warning& warning = warnings[i];
+    if (++count[warning.reason] > kMaxWarningsOfAKind && !all) continue;
+    const std::string place = i < places.size() && !places[i].empty() ? "; at " + places[i] : std::string();
+    text += mark + Printable(warning.message + place + " [" + warning.reason + "]", true) + "\n";
   }
   for (const auto& [reason, number] : count) {
     if (number <= kMaxWarningsOfAKind || all) continue;
@@ -551,7 +553,7 @@ std::string Summary(const Report& report, const SummaryOptions& options, const T
   text += OutlinesText(report.charts);
   text += Validity(report.quality) + ".\n";
   if (options.verbose) text += Details(report);
-  text += WarningsText(report.warnings, options.verbose, terminal);
+  text += WarningsText(report.warnings, options.places, options.verbose, terminal);
   if (const std::string why = WhyNotUsable(report); !why.empty()) {
     text += Colored(terminal, "\x1b[31m", "planish: not usable:") + " " + why +
             (output.empty() ? "" : "; it was written all the same, for you to look at") + "\n";

@@ -51,6 +51,8 @@ struct SummaryOptions {
   bool verbose = false;                       // also how it was solved, and every warning
   double start_seconds = 0;                   // of the total: until a private server was there; 0: there was none
   std::vector<std::string> atlas_names = {};  // by number
+  // Of the report's warnings, by their numbers: where in the files, as Places() says (mesh_input.h). May be shorter.
+  std::vector<std::string> places = {};
 };
 
 // What came out, for people: charts, texture, stretch, seams and faults, in a few lines for any number of charts; a

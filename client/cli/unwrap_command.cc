@@ -63,7 +63,8 @@ class ResultCommand {
     result.report.times.total = planish::Seconds(timer_.Seconds());
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, arguments).html);
     if (!arguments.quiet || !result.IsUsable()) {
-      const SummaryOptions summary = {arguments.output, arguments.verbose, start_seconds_, files_->atlas_names()};
+      SummaryOptions summary = {arguments.output, arguments.verbose, start_seconds_, files_->atlas_names()};
+      for (const Warning& warning : result.report.warnings) summary.places.push_back(Places(warning.metadata, &input));
       std::cerr << Summary(result.report, summary, StderrTerminal());
     }
     if (arguments.json) {

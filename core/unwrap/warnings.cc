@@ -93,8 +93,8 @@ void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vecto
   const std::int64_t count = std::ssize(first_faces);
   WarnOf(count, "POLYGON_TORN",
          absl::StrCat(Counted(count, "polygon", "polygons"),
-                      " could not stay in one piece: some corners have different UV in different triangles; "
-                      "send triangles that make a disc as one polygon"),
+                      " could not stay in one piece: the triangles unfold onto each other, or make no disc; some corners "
+                      "have different UV in different triangles"),
          first_faces, warnings);
 }
 

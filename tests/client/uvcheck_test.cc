@@ -74,12 +74,13 @@ std::int64_t TurnedAgainstTheMap(const CheckedMap& map) {
     const std::uint8_t faults = map.check.faults[f];
     const bool is_mirrored = map.check.charts[static_cast<std::size_t>(map.topology.chart_of_face[f])].is_mirrored;
     const bool is_negative = is_mirrored != ((faults & kFlippedFace) != 0);
-    turned += (faults & kDegenerateFace) == 0 && is_negative != (area < 0) ? 1 : 0;
+    turned += (faults & (kDegenerateFace | kFaceWithoutArea)) == 0 && is_negative != (area < 0) ? 1 : 0;
   }
   return turned;
 }
 
-// As uvcheck reads it, with the very numbers that were judged.
+// As uvcheck reads it, with the very numbers that were judged. Faces without area on the surface, which it does not know
+// as a kind of their own, are left out.
 void WriteObj(const CheckedMap& map, const std::string& path) {
   std::ofstream text(path);
   text.precision(17);
@@ -87,6 +88,7 @@ void WriteObj(const CheckedMap& map, const std::string& path) {
   for (std::size_t c = 0; c < map.uv.size() / 2; ++c)
     text << "vt " << map.uv[2 * c] << " " << map.uv[2 * c + 1] << "\n";
   for (std::size_t f = 0; f < map.mesh.faces.size(); ++f) {
+    if ((map.check.faults[f] & kFaceWithoutArea) != 0) continue;
     text << "f";
     for (std::size_t k = 0; k < 3; ++k) text << " " << map.mesh.faces[f][k] + 1 << "/" << 3 * f + k + 1;
     text << "\n";
@@ -133,7 +135,9 @@ TEST(Uvcheck, AgreesOnEverySharedMeshWithUv) {
     if (!map.has_uv()) continue;
     WriteObj(map, directory.Path("map.obj"));
     std::map<std::string, double> said = Uvcheck(directory.Path("map.obj"));
-    ASSERT_EQ(said["nf"], static_cast<double>(map.mesh.faces.size()));
+    const std::int64_t with_area = map.mesh.num_faces() - map.check.without_area;
+    if (with_area == 0) continue;
+    ASSERT_EQ(said["nf"], static_cast<double>(with_area));
     ++judged;
     const MapCheck& check = map.check;
     ASSERT_FALSE(check.overlaps.limited);
@@ -152,7 +156,7 @@ TEST(Uvcheck, AgreesOnEverySharedMeshWithUv) {
       with_flips += check.flipped > 0 ? 1 : 0;
     }
     if (check.uv_area == 0) {
-      EXPECT_EQ(check.degenerate, map.mesh.num_faces());
+      EXPECT_EQ(check.degenerate, with_area);
       continue;
     }
     EXPECT_EQ(check.degenerate, said["degen"]);

@@ -134,6 +134,25 @@ class AddOn(unittest.TestCase):
         self.assertEqual(edges_where(mesh, "use_seam"), marked)
         self.assert_proper(mesh)
 
+    def test_uv_are_those_of_the_command_for_the_same_polygons(self):
+        mesh = self.monkey().data
+        mesh.edges[100].use_seam = True
+        with tempfile.TemporaryDirectory() as directory:
+            path = pathlib.Path(directory)
+            lines = ["v %.9g %.9g %.9g" % tuple(vertex.co) for vertex in mesh.vertices]
+            lines += ["f " + " ".join(str(v + 1) for v in polygon.vertices) for polygon in mesh.polygons]
+            (path / "in.obj").write_text("\n".join(lines) + "\n")
+            (path / "seams").write_text("".join(f"{a + 1} {b + 1}\n" for a, b in edges_where(mesh, "use_seam")))
+            command = [support.PLANISH, "unwrap", path / "in.obj", "-o", path / "out.obj", "--precision=float"]
+            command += [f"--seams=auto,edges:{path}/seams"]
+            subprocess.run(command, check=True, stderr=subprocess.DEVNULL, env={**os.environ, "PLANISHD": support.PLANISHD})
+            written = (path / "out.obj").read_text().splitlines()
+        uv = np.array([line.split()[1:3] for line in written if line.startswith("vt ")], np.float64).astype(np.float32)
+        corners = [corner for line in written if line.startswith("f ") for corner in line.split()[1:]]
+        PREFERENCES.engine = "COMMAND"
+        unwrap()
+        np.testing.assert_array_equal(uv_of(mesh).reshape(-1, 2), uv[[int(corner.split("/")[1]) - 1 for corner in corners]])
+
     def test_uv_are_those_of_the_command_for_the_same_triangles(self):
         mesh = self.monkey().data
         mesh.edges[100].use_seam = True
@@ -150,10 +169,9 @@ class AddOn(unittest.TestCase):
             command = [support.PLANISH, "unwrap", path / "in.obj", "-o", path / "out.obj", seams, "--precision=float"]
             subprocess.run(command, check=True, stderr=subprocess.DEVNULL, env={**os.environ, "PLANISHD": support.PLANISHD})
             _, _, expected = support.read_obj(path / "out.obj")
-        for PREFERENCES.engine in ENGINES:
-            mesh.uv_layers.active.data.foreach_set("uv", np.zeros(2 * len(mesh.loops), np.float32))
-            unwrap()
-            np.testing.assert_array_equal(corner_uv(mesh), expected.astype(np.float32))
+        PREFERENCES.engine = "PACKAGE"  # sends Blender's triangles; the command cuts polygons up itself
+        unwrap()
+        np.testing.assert_array_equal(corner_uv(mesh), expected.astype(np.float32))
 
     def test_what_else_a_mesh_has_stays(self):
         bpy.ops.mesh.primitive_cylinder_add(vertices=13)  # with polygons of 13 corners
@@ -361,7 +379,8 @@ class Words(unittest.TestCase):
         def part(name, polygon, vertices):
             empty = np.zeros(0, np.int32)
             faces = np.zeros((len(polygon), 3), np.int32)
-            return meshes.Part(Named(name), np.zeros((vertices, 3)), faces, faces, np.array(polygon), empty, empty, 0)
+            loop_total = np.full(max(polygon) + 1, 3)
+            return meshes.Part(Named(name), np.zeros((vertices, 3)), faces, faces, np.array(polygon), empty, loop_total, empty, 0)
 
         one = meshes.Sheet([part("a", [0, 0, 1], 4)])
         self.assertEqual(one.places([2], [], [3]), "face 1, vertex 3")

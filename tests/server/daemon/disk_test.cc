@@ -137,7 +137,7 @@ v1::CreateJobRequest JobOf(int n, int seed = 0) {
 
 // Minutes of work.
 v1::CreateJobRequest SlowJob() {
-  v1::CreateJobRequest request = JobOf(150);
+  v1::CreateJobRequest request = JobOf(250);
   request.mutable_spec()->mutable_options()->set_solver(v1::SOLVER_MINRES);
   request.mutable_spec()->mutable_options()->set_system(v1::SYSTEM_FULL);
   request.mutable_spec()->mutable_options()->set_preconditioner(v1::PRECONDITIONER_NONE);

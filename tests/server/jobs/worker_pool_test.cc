@@ -10,6 +10,7 @@
 #include "core/base/error.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "server/jobs/steady_clock.h"
 #include "server/link/in_process_link.h"
 #include "tests/testing/fake_workers.h"
 
@@ -345,7 +346,7 @@ TEST(WorkerPool, WhoDoesNotObeyInTimeIsKilled) {
                           ends.Options());
     jobs.WaitForProgress(0);
     EXPECT_FALSE(jobs.fate(0).ended());
-    jobs.SetObeyBy(absl::Now() + absl::Milliseconds(10));
+    jobs.SetObeyBy(SteadyNow() + absl::Milliseconds(10));
     jobs.WaitForAll();
   }
   EXPECT_THAT(jobs.fate(0).loss->message, HasSubstr("told to"));

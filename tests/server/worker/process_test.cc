@@ -21,6 +21,7 @@
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
+#include "server/jobs/steady_clock.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/process_link.h"
 #include "server/worker/work.h"
@@ -107,7 +108,7 @@ class TestSource : public JobSource {
     const std::lock_guard lock(mutex_);
     ++ending_.events;
     if (cancel_patience_ == absl::InfiniteDuration() || obey_by_ != absl::InfiniteFuture()) return;
-    obey_by_ = absl::Now() + cancel_patience_;
+    obey_by_ = SteadyNow() + cancel_patience_;
     worker::v1::ToWorker cancel;
     cancel.mutable_cancel();
     link_->Send(cancel);
