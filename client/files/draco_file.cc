@@ -5,6 +5,7 @@
 #include "client/files/file_io.h"
 #include "client/files/polygon_mesh.h"
 #include "client/files/readers.h"
+#include "client/files/seam_copies.h"
 #include "client/files/writers.h"
 #include "core/base/corner_split.h"
 #include "core/base/error.h"
@@ -59,6 +60,8 @@ absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_v
     mesh.corner_texcoord.push_back(texcoords.Add(value[0], value[1]));
   }
   mesh.texcoords = texcoords.TakeValues();
+  // The points of a file with UV are split at seams, their positions too.
+  JoinSeamVertices({}, &mesh);
   return mesh;
 }
 

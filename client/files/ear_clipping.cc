@@ -125,9 +125,16 @@ std::vector<std::int32_t> AllCorners(const std::vector<Vec3>& outline) {
   return corners;
 }
 
-bool IsQuadFolded(const std::vector<Vec3>& q) {
-  const auto normal = [&](int a, int b, int c) { return (q[b] - q[a]).cross(q[c] - q[a]); };
-  return normal(0, 1, 2).dot(normal(0, 2, 3)) < 0 && normal(1, 2, 3).dot(normal(1, 3, 0)) < 0;
+// Whether two sides of a quad that is nearly plane cross. At whichever diagonal it is cut, one triangle then lies on the
+// other. So it may where a quad bends, which is no fault.
+bool IsBowTie(const std::vector<Vec3>& q) {
+  constexpr double kNearlyPlane = 0.01;  // height over the longest side
+  const auto normal = [&](int a, int b, int c) -> Vec3 { return (q[b] - q[a]).cross(q[c] - q[a]); };
+  const Vec3 at0 = normal(0, 1, 2), at1 = normal(1, 2, 3);
+  if (!(at0.dot(normal(0, 2, 3)) < 0 && at1.dot(normal(1, 3, 0)) < 0)) return false;
+  double longest = 0;
+  for (int i = 0; i < 4; ++i) longest = std::max(longest, (q[(i + 1) % 4] - q[i]).norm());
+  return std::abs(at0.dot(q[3] - q[0])) <= kNearlyPlane * longest * at0.norm();
 }
 
 }  // namespace
@@ -146,7 +153,7 @@ std::vector<Face> TrianglesOfPolygon(const std::vector<Vec3>& outline) {
 
 bool CrossesItself(const std::vector<Vec3>& outline) {
   if (outline.size() < 4 || outline.size() > kMostPolygonCorners) return false;
-  if (outline.size() == 4) return IsQuadFolded(outline);
+  if (outline.size() == 4) return IsBowTie(outline);
   const std::vector<Vec2> points = Flattened(outline);
   // Without a normal the areas of its triangles cancel out, unless none has any.
   if (points.empty()) return FanHasArea(outline);

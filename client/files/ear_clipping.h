@@ -20,8 +20,8 @@ namespace planish {
 // is a fan from there on: its triangles may be flat or flipped.
 std::vector<Face> TrianglesOfPolygon(const std::vector<Vec3>& outline);
 
-// Whether the outline is no simple polygon in any plane: it crosses itself, or a quad folds onto itself at whichever
-// diagonal it is cut. Triangles of such a polygon lie on each other. False for outlines without area.
+// Whether the outline is no simple polygon in its plane, as a bow tie is not: triangles of it lie on each other. False for
+// outlines that lie in no plane, and for those without area.
 bool CrossesItself(const std::vector<Vec3>& outline);
 
 }  // namespace planish

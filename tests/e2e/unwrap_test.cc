@@ -155,7 +155,10 @@ TEST_F(UnwrapTest, WhatWasUnwrappedIsTheSameSurface) {
       charts.push_back(json::parse(run.out)["chart_totals"]["charts"]);
       input = output;
     }
-    EXPECT_EQ(charts, std::vector<int>(3, charts[0])) << extension;
+    // glTF and Draco have triangles in place of the quads.
+    const bool has_polygons = extension != ".glb" && extension != ".drc";
+    EXPECT_TRUE(!has_polygons || charts[1] == charts[0]) << extension;
+    EXPECT_EQ(charts[2], charts[1]) << extension;
     EXPECT_GT(charts[0], 1);
   }
 }

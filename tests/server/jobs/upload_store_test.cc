@@ -1,7 +1,5 @@
-// Uploads by themselves: every order of calls, restarts, full disks.
+// Uploads by themselves: every order of calls.
 #include "server/jobs/upload_store.h"
-
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <csignal>
@@ -17,82 +15,13 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/link/rpc_status.h"
-#include "tests/server/blobs/blobs_in.h"
-#include "tests/testing/files.h"
+#include "tests/server/jobs/upload_store_fixture.h"
 
 namespace planish {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::IsEmpty;
-
-std::string Noise(std::size_t size, unsigned seed = 1) {
-  std::mt19937 random(seed);
-  std::string bytes(size, '\0');
-  for (char& byte : bytes) byte = static_cast<char>(random());
-  return bytes;
-}
-
-std::string ReasonOf(const absl::Status& status) {
-  return status.ok() ? "OK" : ErrorInfoOf(status).reason;
-}
-
-// A store, in memory or in a directory, with a clock that stands still, and the blobs behind it.
-class UploadStoreTest : public ::testing::TestWithParam<bool> {
- protected:
-  UploadStoreTest() {
-    fs::create_directories(dir_.Path("uploads"));
-    fs::create_directories(dir_.Path("blobs"));
-    if (OnDisk()) options_.directory = dir_.Path("uploads");
-    options_.clock = [this] { return now_; };
-    options_.new_id = [this] { return "u" + std::to_string(++ids_); };
-    Start();
-  }
-
-  static bool OnDisk() { return GetParam(); }
-
-  void Start(std::int64_t max_blob_bytes = std::int64_t{1} << 30) {
-    store_ = nullptr;
-    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(OnDisk() ? dir_.Path("blobs") : "")}, max_blob_bytes);
-    ASSERT_TRUE(blobs_->Open().ok());
-    store_ = std::make_unique<UploadStore>(options_, blobs_.get());
-    ASSERT_TRUE(store_->Open().ok());
-  }
-
-  absl::StatusOr<v1::Upload> Create(std::int64_t bytes, const std::string& sha256) {
-    v1::CreateUploadRequest request;
-    request.set_total_bytes(bytes);
-    request.set_sha256(sha256);
-    return store_->Create(caller_, request);
-  }
-  std::string CreateFor(const std::string& bytes) {
-    return Create(static_cast<std::int64_t>(bytes.size()), Sha256(bytes))->name();
-  }
-
-  std::int64_t Committed(const std::string& name) { return store_->Get(caller_, name)->committed_bytes(); }
-
-  // A whole call of one message.
-  absl::Status WriteOnce(const std::string& name, std::int64_t offset, std::string_view data) {
-    absl::StatusOr<UploadWriter> writer = store_->Write(caller_, name);
-    return writer.ok() ? writer->Append(offset, data) : writer.status();
-  }
-
-  std::vector<std::string> Files() {
-    std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(dir_.Path("uploads"))) names.push_back(entry.path().filename());
-    return names;
-  }
-
-  static BlobId Own(const std::string& bytes) { return {kDefaultTenant, Sha256(bytes)}; }
-
-  const Caller caller_ = {kDefaultTenant, "", Rights::All(), ""};
-  TempDir dir_;
-  absl::Time now_ = absl::UnixEpoch() + absl::Hours(24);
-  int ids_ = 0;
-  UploadStoreOptions options_;
-  std::unique_ptr<BlobCatalog> blobs_;
-  std::unique_ptr<UploadStore> store_;
-};
 
 INSTANTIATE_TEST_SUITE_P(Everywhere, UploadStoreTest, ::testing::Bool(),
                          [](const auto& param) { return param.param ? "Disk" : "Memory"; });
@@ -364,8 +293,6 @@ TEST_P(UploadStoreTest, NoRoomForTheBlobIsMadeWhereItCanBe) {
 
 // ---- tenants
 
-const Caller kOther = {"other", "", Rights{true, true, false, false}, ""};
-
 TEST_P(UploadStoreTest, AnotherTenantsUploadIsNone) {
   const std::string bytes = Noise(100);
   const std::string theirs = CreateFor(bytes);
@@ -505,113 +432,6 @@ TEST_P(UploadStoreTest, EveryOrderOfCalls) {
     }
   }
   EXPECT_GT(completed, 50);
-}
-
-class UploadRestartTest : public UploadStoreTest {};
-INSTANTIATE_TEST_SUITE_P(Everywhere, UploadRestartTest, ::testing::Values(true), [](const auto&) { return "Disk"; });
-
-TEST_P(UploadRestartTest, GoesOnWhereTheProcessEnded) {
-  const std::string bytes = Noise(3'000'000);
-  const std::string name = CreateFor(bytes);
-  ASSERT_TRUE(WriteOnce(name, 0, std::string_view(bytes).substr(0, 2'500'000)).ok());
-  const std::string fresh = CreateFor("nothing yet");
-  Start();
-  EXPECT_EQ(Committed(name), 2'500'000);
-  EXPECT_EQ(Committed(fresh), 0);
-  EXPECT_TRUE(WriteOnce(name, 2'500'000, std::string_view(bytes).substr(2'500'000)).ok());
-  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
-}
-
-TEST_P(UploadRestartTest, TenantsOutliveTheProcess) {
-  v1::CreateUploadRequest request;
-  request.set_total_bytes(4);
-  request.set_sha256(Sha256("mesh"));
-  const Caller dashed = {"a-b_c-5", "", Rights{true, true, false, false}, ""};
-  const std::string part = store_->Create(dashed, request)->name();
-  const std::string done = store_->Create(kOther, request)->name();
-  ASSERT_TRUE(store_->Write(kOther, done)->Append(0, "mesh").ok());
-  Start();
-  EXPECT_TRUE(store_->Use(kOther, done).ok());
-  EXPECT_TRUE(store_->Write(dashed, part)->Append(0, "mesh").ok());
-  EXPECT_FALSE(store_->Get(caller_, part).ok());
-  EXPECT_FALSE(store_->Get(kOther, part).ok());
-  Start();
-  EXPECT_TRUE(store_->Use(dashed, part).ok());
-}
-
-TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
-  const std::string digest = absl::BytesToHexString(Sha256("mesh"));
-  PutFile(dir_.Path("uploads/farm-1.old-4-" + digest + ".part"), "me");
-  Start();
-  EXPECT_EQ(Committed("uploads/farm-1.old"), 2);
-  EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
-}
-
-TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
-  const std::string bytes = Noise(1000);
-  const std::string name = CreateFor(bytes);
-  ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 999)).ok());
-  ASSERT_EQ(Files().size(), 1u);
-  const std::string path = dir_.Path("uploads/" + Files()[0]);
-  store_ = nullptr;
-  PutFile(path, bytes.substr(bytes.size() - 1), true);
-  Start();
-  EXPECT_EQ(Committed(name), 999) << "not complete, so not all bytes";
-  EXPECT_TRUE(WriteOnce(name, 999, bytes.substr(999)).ok());
-  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
-}
-
-TEST_P(UploadRestartTest, DamageIsFoundAndRubbishGoes) {
-  const std::string bytes = Noise(1000);
-  const std::string name = CreateFor(bytes);
-  ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 500)).ok());
-  const std::string path = dir_.Path("uploads/" + Files()[0]);
-  store_ = nullptr;
-  std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(100).put('!');
-  for (const char* rubbish : {"x.part", "a-5-ff.part", "a-b-c.done", "-1-2.part"}) {
-    PutFile(dir_.Path("uploads/") + rubbish, "rubbish");
-  }
-  PutFile(dir_.Path("uploads/keep"), "not ours");
-  Start();
-  EXPECT_EQ(Files().size(), 2u) << "the upload, and what is not named like one";
-  EXPECT_EQ(ReasonOf(WriteOnce(name, 500, bytes.substr(500))), "DIGEST_MISMATCH");
-}
-
-// Writes of this process beyond `bytes` of any file fail, as on a full disk: the first one short, the next with EFBIG.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
-    getrlimit(RLIMIT_FSIZE, &before_);
-    rlimit limit = before_;
-    limit.rlim_cur = bytes;
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, handler_);
-  }
-
- private:
-  void (*handler_)(int);
-  rlimit before_ = {};
-};
-
-TEST_P(UploadRestartTest, FullDiskCorruptsNothing) {
-  const std::string bytes = Noise(50'000);
-  const std::string name = CreateFor(bytes);
-  ASSERT_TRUE(WriteOnce(name, 0, std::string_view(bytes).substr(0, 8'000)).ok());
-  {
-    const FileSizeLimit limit(20'000);
-    const absl::Status full = WriteOnce(name, 8'000, std::string_view(bytes).substr(8'000, 30'000));
-    EXPECT_EQ(full.code(), absl::StatusCode::kResourceExhausted);
-    EXPECT_EQ(ReasonOf(full), "STORAGE_FULL");
-    EXPECT_EQ(ToRpcStatus(full).details_size(), 2) << "with a RetryInfo";
-    EXPECT_EQ(Committed(name), 8'000);
-    EXPECT_EQ(fs::file_size(dir_.Path("uploads/" + Files()[0])), 8'000u) << "half a piece would be taken for a whole";
-    EXPECT_TRUE(WriteOnce(name, 8'000, std::string_view(bytes).substr(8'000, 1'000)).ok()) << "smaller pieces fit";
-  }
-  EXPECT_TRUE(WriteOnce(name, 9'000, std::string_view(bytes).substr(9'000)).ok());
-  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
 }
 
 }  // namespace
