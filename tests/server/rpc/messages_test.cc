@@ -238,7 +238,7 @@ TEST(WireScan, NoMessageTakesMuchMoreThanItsScanSays) {
       ASSERT_TRUE(cost.ok()) << cost.status();
       const std::unique_ptr<Message> parsed(request->New());
       ASSERT_TRUE(parsed->ParseFromString(bytes));
-      const std::size_t base = request->New()->SpaceUsedLong();
+      const std::size_t base = std::unique_ptr<Message>(request->New())->SpaceUsedLong();
       EXPECT_LE(parsed->SpaceUsedLong(), 2 * static_cast<std::size_t>(cost->bytes) + base)
           << method->name() << " " << count;
     }
