@@ -8,17 +8,14 @@
 #include <optional>
 #include <set>
 #include <string_view>
-#include <thread>
 #include <vector>
 
-#include "client/cli/check.h"
 #include "client/cli/results.h"
 #include "client/cli/seams.h"
 #include "client/files/file_io.h"
 #include "client/pictures/map_picture.h"
 #include "client/pictures/uv_preview.h"
 #include "client/src/errors.h"
-#include "core/base/thread_team.h"
 
 namespace planish::cli {
 namespace {

@@ -108,7 +108,7 @@ void WarnOfCutPolygons(const std::vector<std::int64_t>& faulty, std::int64_t tor
        {{"count", std::to_string(count)}, {"faces", FirstIds(faulty)}, {"written_as_several", std::to_string(torn)}}});
 }
 
-// What the server verified are numbers; what counts are the bytes of the files.
+// Replaces the figures of the server, which verified the numbers it sent, by the figures of the files as written.
 void JudgeWritten(const MeshInput& written, const std::string& path, Report* report) {
   MapCheckOptions options;
   options.texture_size = std::max(report->atlas.texture_size, 1);
@@ -122,9 +122,8 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   const bool is_flat_atlas = report->atlas.pack && report->atlas.layout != AtlasLayout::kStacked;
   const std::int64_t overlapping = is_flat_atlas ? check.overlaps.pairs : quality.overlapping;
   const auto without_uv = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
-  const auto is_more = [](std::int64_t now, std::int64_t before) { return now > before; };
-  if (is_more(check.flipped, quality.flipped) || is_more(check.degenerate, quality.degenerate) ||
-      is_more(overlapping, quality.overlapping) || without_uv > 0) {
+  if (check.flipped > quality.flipped || check.degenerate > quality.degenerate || overlapping > quality.overlapping ||
+      without_uv > 0) {
     report->warnings.push_back(
         {"WRITTEN_MAP_DIFFERS",
          path + ": the file does not hold the map as it was computed: " + std::to_string(check.flipped) + " flipped, " +

@@ -29,7 +29,7 @@ class UnwrapFiles {
   const MeshInput& input() const { return input_; }
   // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
   MeshView view() const;
-  // Of the atlases, by their numbers; empty without --atlas-per.
+  // The names of the atlases by their numbers; empty without --atlas-per.
   const std::vector<std::string>& atlas_names() const { return atlases_.names; }
   // What to ask the server for: `options`, in float where that is all that the output can hold. Throws
   // OUTPUT_UNSUPPORTED where `options` insist on double.

@@ -26,7 +26,7 @@ struct PackedMesh {
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;
 
-  // Of the mesh and its elements, as the server counts them.
+  // The bytes of the mesh and its elements, as the server counts them against its limit.
   std::int64_t bytes() const;
 
   // From ids as sent to the caller's.

@@ -50,9 +50,9 @@ struct JobRequest {
 
   // The bytes of the mesh, wherever they are.
   std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(bytes); }
-  // Of the mesh and its elements, as they count towards limits.
+  // The bytes of the mesh and its elements, which count towards limits.
   std::int64_t MeshBytes() const;
-  // Of the mesh, if it comes as arrays: Draco data tell once they are decoded.
+  // The number of triangles, if the mesh comes as arrays. For Draco data only the worker knows it.
   std::optional<std::int64_t> FaceCount() const;
   // With as many tiles as the job's charts may be packed into at a time: for estimates.
   v1::UnwrapOptions OptionsForNeeds() const;

@@ -271,7 +271,7 @@ class _CommandCall:
         faces = sheet.triangles
         with open(self._path("mesh.obj"), "w", encoding="ascii") as file:
             file.write("v %.9g %.9g %.9g\n" * len(sheet.positions) % tuple(sheet.positions.reshape(-1).tolist()))
-            # The number of each loop travels as that of its normal, which the command writes out again.
+            # Each corner gets the number of its loop as the index of its normal. The command writes these indices out again.
             loop = 0
             for total in sheet.loop_total.tolist():
                 corners = range(loop, loop + total)
