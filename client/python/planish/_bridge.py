@@ -19,10 +19,9 @@ from multiprocessing import spawn
 from typing import IO, Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import grpc
-import grpc.aio
 
 from . import errors
-from ._connection import Connection
+from ._connection import Connection, aio
 from .v1 import planish_pb2
 
 _HEADER = struct.Struct("<IBI")
@@ -115,7 +114,8 @@ class Bridge:
         executable = os.fsdecode(spawn.get_executable())
         try:
             self._process = subprocess.Popen(
-                [executable, "-c", code],
+                # As this Python was started: -I and -E keep its environment and directory out of this one as well.
+                [executable, *subprocess._args_from_interpreter_flags(), "-c", code],  # type: ignore[attr-defined]
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C is for this process, which cancels what it wants cancelled
@@ -310,8 +310,8 @@ class _AioCall(_Answers):
         end = self.end(content)
         if end is not None:
             code, details, trailing = end
-            raise grpc.aio.AioRpcError(code, grpc.aio.Metadata(), grpc.aio.Metadata(*trailing), details)
-        return grpc.aio.EOF
+            raise aio.AioRpcError(code, aio.Metadata(), aio.Metadata(*trailing), details)
+        return aio.EOF
 
     def cancel(self) -> None:
         self._bridge.cancel(self._number)
