@@ -19,6 +19,7 @@ from multiprocessing import spawn
 from typing import IO, Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import grpc
+from google.protobuf import descriptor_pb2
 
 from . import errors
 from ._connection import Connection, aio
@@ -31,6 +32,10 @@ _UNARY, _STREAM, _CANCEL = 0, 1, 2
 _MESSAGE, _END = 0, 1
 
 SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
+_described = descriptor_pb2.ServiceDescriptorProto()
+SERVICE.CopyToProto(_described)
+#: By name; whether they are streams is not in the descriptors of older versions of protobuf.
+METHODS = {method.name: method for method in _described.method}
 _PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
@@ -71,7 +76,7 @@ def serve() -> None:
         try:
             try:
                 if kind == _UNARY:
-                    is_many = SERVICE.methods_by_name[method].client_streaming
+                    is_many = METHODS[method].client_streaming
                     call = (channel.stream_unary if is_many else channel.unary_unary)(_PATH + method)
                     answer = call(iter([request]) if is_many else request, timeout=timeout, metadata=metadata)
                     writer.write(number, _MESSAGE, answer)
@@ -147,7 +152,7 @@ class Bridge:
         with self._lock:
             number = self._next = self._next + 1
             self._takers[number] = taker
-        if SERVICE.methods_by_name[method].client_streaming:
+        if METHODS[method].client_streaming:
             (request,) = request
         content = pickle.dumps((method, request.SerializeToString(), timeout, list(metadata)))
         try:
@@ -271,7 +276,7 @@ class BlockingStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = SERVICE.methods_by_name[method].server_streaming
+        is_stream = METHODS[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _BlockingCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)
@@ -324,7 +329,7 @@ class AioStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = SERVICE.methods_by_name[method].server_streaming
+        is_stream = METHODS[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _AioCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)

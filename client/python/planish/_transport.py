@@ -16,7 +16,7 @@ from typing import Any, Coroutine, Dict, List, Optional, Sequence, Tuple, TypeVa
 import grpc
 
 from . import errors
-from ._bridge import SERVICE, AioStub, BlockingStub, Bridge
+from ._bridge import METHODS, AioStub, BlockingStub, Bridge
 from ._connection import Connection, aio
 from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
@@ -100,7 +100,7 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
 
 def _outgoing(method: str, request: Any) -> Any:
     """What the stub takes: of a call with many messages, this one."""
-    return iter([request]) if SERVICE.methods_by_name[method].client_streaming else request
+    return iter([request]) if METHODS[method].client_streaming else request
 
 
 def _is_lost(channel: Any) -> bool:
