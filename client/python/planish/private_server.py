@@ -14,6 +14,7 @@ import time
 import weakref
 from typing import Any, Callable, List, Optional, Sequence
 
+from ._programs import is_program, own_program
 from .errors import Unavailable
 
 # The server drains without grace when we let go; one that hangs is not waited for much longer than that.
@@ -26,24 +27,6 @@ def _failed(message: str) -> Unavailable:
     return Unavailable(message, reason="PRIVATE_SERVER_FAILED")
 
 
-def _is_program(path: str) -> bool:
-    return os.path.isfile(path) and os.access(path, os.X_OK)
-
-
-def own_program(name: str) -> Optional[str]:
-    """The program ``planishd`` or ``planish`` that this package brings: its wheel for Linux has them. None if it brings none."""
-    root = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_server")
-    program = os.path.join(root, "bin", name)
-    # Not all that unpacks wheels keeps the modes of files: Blender does not.
-    for part in (program, os.path.join(root, "libexec", name), os.path.join(root, "lib", "loader")):
-        if os.path.isfile(part) and not os.access(part, os.X_OK):
-            try:
-                os.chmod(part, os.stat(part).st_mode | 0o111)
-            except OSError:
-                return None  # of another user
-    return program if _is_program(program) else None
-
-
 def find_planishd() -> Optional[str]:
     """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else the one in this package's wheel, else the one beside
     the running Python, else the one in PATH.
@@ -52,12 +35,12 @@ def find_planishd() -> Optional[str]:
     """
     named = os.environ.get("PLANISHD", "")
     if named:
-        return named if _is_program(named) else None
+        return named if is_program(named) else None
     own = own_program("planishd")
     if own is not None:
         return own
     beside = os.path.join(os.path.dirname(sys.executable or ""), "planishd")
-    if os.path.isabs(beside) and _is_program(beside):
+    if os.path.isabs(beside) and is_program(beside):
         return beside
     return shutil.which("planishd")
 
@@ -184,7 +167,7 @@ class PrivateServer:
             where += "systems $PLANISH_SERVER names a server that runs elsewhere, host:port"
             where = f": $PLANISHD is {named}, which is not a program" if named else where
             raise _failed(f"cannot find planishd{where}")
-        if not _is_program(self.executable):
+        if not is_program(self.executable):
             raise _failed(f"{self.executable} is not a program")
         self._running = _Running(self.executable)
         # Runs when this object goes, and when Python ends.
