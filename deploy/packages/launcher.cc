@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -27,6 +28,9 @@ int main(int count, char** values) {
   std::string libraries = root + "/lib";
   std::string program = root + "/libexec" + self.substr(name);
 
+  // What others want loaded into every program may need another C library than this one.
+  unsetenv("LD_PRELOAD");
+  unsetenv("LD_AUDIT");
   // Without the system's cache of libraries: it lists those of another C library.
   std::vector<std::string> words = {loader, "--inhibit-cache", "--library-path", libraries, "--argv0", self, program};
   for (int i = 1; i < count; ++i) words.push_back(values[i]);

@@ -32,10 +32,9 @@ _UNARY, _STREAM, _CANCEL = 0, 1, 2
 _MESSAGE, _END = 0, 1
 
 SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
-_described = descriptor_pb2.ServiceDescriptorProto()
-SERVICE.CopyToProto(_described)
+_file = descriptor_pb2.FileDescriptorProto.FromString(planish_pb2.DESCRIPTOR.serialized_pb)
 #: By name; whether they are streams is not in the descriptors of older versions of protobuf.
-METHODS = {method.name: method for method in _described.method}
+METHODS = {method.name: method for service in _file.service for method in service.method}
 _PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
