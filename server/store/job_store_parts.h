@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "server/store/blob_rows.h"
 #include "server/store/call_groups.h"
 #include "server/store/job_store.h"
 #include "server/store/job_transaction.h"
 #include "server/store/job_transactions.h"
 #include "server/store/sql.h"
+#include "server/store/sql_blob_rows.h"
 #include "server/store/store_news.h"
 #include "server/store/work_rows.h"
 
@@ -33,7 +33,7 @@ struct JobStore::Parts {
   const std::unique_ptr<SqlDatabase> database;
   const StoreClock clock;  // null: the database's own
   JobTransactions transactions{database.get(), &clock, &listeners};
-  StoredBlobRows rows{database.get()};
+  SqlBlobRows rows{database.get()};
   RecentAccounts recent_accounts;
   CallGroups<AcceptCall> accepts{kAccepting, kGroupedCalls};
   CallGroups<FinishCall> finishes{kFinishing, kGroupedCalls};

@@ -6,9 +6,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/status_macros.h"
-#include "server/store/blob_rows.h"
 #include "server/store/job_store_parts.h"
 #include "server/store/job_transaction.h"
+#include "server/store/sql_blob_rows.h"
 #include "server/store/work_rows.h"
 
 namespace planish {

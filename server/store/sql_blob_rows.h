@@ -14,10 +14,10 @@
 namespace planish {
 
 // Thread-safe.
-class StoredBlobRows : public BlobRows {
+class SqlBlobRows : public BlobRows {
  public:
   // `database` outlives the object.
-  explicit StoredBlobRows(SqlDatabase* database) : database_(*database) {}
+  explicit SqlBlobRows(SqlDatabase* database) : database_(*database) {}
 
   absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() override;
   absl::StatusOr<std::string> Read(const BlobId& id) override;

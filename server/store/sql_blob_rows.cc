@@ -1,4 +1,4 @@
-#include "server/store/blob_rows.h"
+#include "server/store/sql_blob_rows.h"
 
 #include <string_view>
 
@@ -9,12 +9,12 @@
 
 namespace planish {
 
-absl::StatusOr<SqlRows> StoredBlobRows::Ask(const std::string& sql, const std::vector<SqlValue>& values) {
+absl::StatusOr<SqlRows> SqlBlobRows::Ask(const std::string& sql, const std::vector<SqlValue>& values) {
   PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_.Connect(SqlDatabase::Use::kRead));
   return connection->Run(sql, values);
 }
 
-absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> StoredBlobRows::List() {
+absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> SqlBlobRows::List() {
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
                            Ask("SELECT tenant, sha256, CAST(length(bytes) AS BIGINT) FROM blobs", {}));
   std::vector<std::pair<BlobId, std::int64_t>> blobs;
@@ -24,14 +24,14 @@ absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> StoredBlobRows::Lis
   return blobs;
 }
 
-absl::StatusOr<std::string> StoredBlobRows::Read(const BlobId& id) {
+absl::StatusOr<std::string> SqlBlobRows::Read(const BlobId& id) {
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask("SELECT bytes FROM blobs WHERE tenant = ? AND sha256 = ?",
                                                    {std::string_view(id.tenant), SqlBytes{id.sha256}}));
   if (!rows.empty()) return rows.Bytes(0, 0);
   return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "the job store does not have the bytes any more");
 }
 
-absl::StatusOr<bool> StoredBlobRows::Remove(const BlobId& id) {
+absl::StatusOr<bool> SqlBlobRows::Remove(const BlobId& id) {
   bool used = false;
   const absl::Status status = Transact(&database_, Durability::kLater, [&](SqlConnection& sql) -> absl::Status {
     const std::vector<SqlValue> key = {std::string_view(id.tenant), SqlBytes{id.sha256}};
