@@ -85,7 +85,7 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1, 100'000'000));
 }
 
-// What the command line says about the configuration itself.
+// The flags about the configuration itself.
 struct ConfigFlags {
   std::string file;  // empty: none
   bool print = false;
@@ -169,12 +169,12 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
                   "when the other side closes it")
       ->check(CLI::Range(0, 1 << 20))
       ->configurable(false);
-  // For the tests of planish itself: callers may make their jobs go wrong.
+  // For planish's own tests: callers may inject faults into their jobs.
   app->add_flag("--failpoints", flags->failpoints)->group("")->configurable(false);
   app->add_option("--worker-program", flags->worker_program)->group("")->configurable(false);
 }
 
-// To CLI11 "nan" is a number within every range.
+// CLI11 accepts "nan" as a number within every range.
 void RefuseNan(CLI::App* app) {
   const auto is_number = [](const std::string& text) {
     double number = 0;
@@ -186,7 +186,7 @@ void RefuseNan(CLI::App* app) {
   }
 }
 
-// A command line, and where it leads.
+// The options of planishd, and the configuration that a command line gives.
 class CommandLine {
  public:
   CommandLine() {
@@ -234,7 +234,7 @@ class CommandLine {
  private:
   static int Cores() { return static_cast<int>(std::thread::hardware_concurrency()); }
 
-  // What follows from settings, or from the machine where nobody set it.
+  // Derives values from other settings, or from the machine if they are not set.
   void Derive() {
     if (app_.count("--memory-mb") == 0) flags_.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
     if (app_.count("--threads") == 0) flags_.threads = std::clamp(Cores() / flags_.workers, 1, kMaxThreads);
@@ -251,7 +251,7 @@ class CommandLine {
   std::optional<Settings> settings_;
 };
 
-// One sentence a line, each with the program's name.
+// Prints each line of the message after the program's name. Returns exit code 2.
 int Refuse(const absl::Status& status) {
   for (const auto& line : absl::StrSplit(status.message(), '\n')) std::cerr << "planishd: " << line << "\n";
   return kBadUsage;

@@ -6,7 +6,7 @@
 namespace planish {
 namespace {
 
-// Which of `listen` other machines reach; empty if none.
+// An address in `listen` that other machines can reach; empty if there is none.
 std::string OpenAddress(const std::vector<ListenAddress>& listen) {
   for (const ListenAddress& address : listen) {
     if (!IsLocal(address)) return address.text;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kS3 = "s3://";
 
-// postgresql://USER:PASSWORD@..., or a parameter `password`.
+// Whether the URL has the form postgresql://USER:PASSWORD@..., or a parameter `password`.
 bool HoldsPassword(const std::string& url) {
   if (const std::size_t scheme = url.find("://"); scheme != std::string::npos) {
     const std::size_t begin = scheme + 3;

@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// An option whose value is one of some words; its default is what `target` holds.
+// Adds an option whose value is one of `choices`. Its default is the value of `target`.
 template <class Value>
 void AddChoice(CLI::App* app, const std::string& flag, Value* target,
                const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {

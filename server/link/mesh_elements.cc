@@ -38,7 +38,7 @@ class Decoder {
   }
 
  private:
-  // Unsigned numbers from 2^31 on become negative, and so are out of every range.
+  // Unsigned numbers of 2^31 and more become negative, and so are out of every range.
   template <typename Number>
   static absl::StatusOr<std::vector<Number>> Numbers(const std::string& field, std::string_view bytes) {
     if (bytes.size() % sizeof(Number) != 0) {
@@ -67,7 +67,7 @@ class Decoder {
                    {{"corner", corner}});
   }
 
-  // One number for each triangle.
+  // Decodes a list of one number for each triangle.
   template <typename Number>
   absl::StatusOr<std::vector<Number>> OfFaces(const std::string& field, std::string_view bytes) const {
     PLANISH_ASSIGN_OR_RETURN(std::vector<Number> numbers, Numbers<Number>(field, bytes));
@@ -98,7 +98,7 @@ class Decoder {
     PLANISH_RETURN_IF_ERROR(GoesWithOptions("face_atlas", bytes));
     PLANISH_ASSIGN_OR_RETURN(std::vector<std::int32_t> atlases, OfFaces<std::int32_t>("face_atlas", bytes));
     const bool stacked = options_.atlas_layout() == v1::ATLAS_LAYOUT_STACKED;
-    // Tiles out of range are found with the options.
+    // A number of tiles out of range is reported by the check of the options.
     const int most = stacked ? INT32_MAX : kMostTiles / std::clamp(options_.tiles(), 1, kMostTiles);
     for (std::size_t f = 0; f < atlases.size(); ++f) {
       const std::int32_t atlas = atlases[f];

@@ -1,9 +1,9 @@
-// Every metric that planishd serves at /metrics: this file is their documentation, README.md beside it the same as a
-// table. Names are a promise to dashboards and rules: one that changes its meaning gets a new name.
+// Every metric that planishd serves at /metrics. This file is their documentation; README.md beside it has the same as
+// a table. Dashboards and rules rely on the names: a metric whose meaning changes gets a new name.
 //
-// Counters begin at 0 with each process. A label's value that is not known beforehand (tenants, reasons) appears with
-// its first event; all others are there from the start. Reasons are those of the error or warning in proto/planish/v1;
-// where there is none it is "NONE", and what is no reason by its form, or one of too many, is "OTHER".
+// Counters begin at 0 with each process. Label values that are not known beforehand (tenants, reasons) appear with
+// their first event; all others exist from the start. Reasons are those of errors and warnings in proto/planish/v1.
+// Without a reason the value is "NONE". Malformed reasons, and new ones once there are too many, are "OTHER".
 #pragma once
 
 #include <string>
@@ -16,7 +16,7 @@ enum class MetricKind { kCounter, kGauge, kHistogram };
 struct MetricDefinition {
   const char* name;
   MetricKind kind;
-  const char* labels;  // their names, separated by ", "; "": none
+  const char* labels;  // names of the labels, separated by ", "; "": none
   const char* help;
   std::vector<double> buckets = {};  // histograms: upper bounds, ascending
 };
@@ -25,7 +25,7 @@ namespace metric {
 
 using enum MetricKind;
 
-// From the smallest mesh to the largest, 1-2.5-5 per decade where most jobs are.
+// From the smallest mesh to the largest, in steps of 1, 2.5, 5 where most jobs are.
 inline const std::vector<double> kSeconds = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5,  1,    2.5,
                                              5,     10,     25,    60,   150,   300,  600, 1800, 3600, 14400};
 inline const std::vector<double> kWaitSeconds = {0.01, 0.1, 0.5, 1,    5,    15,   30,   60,

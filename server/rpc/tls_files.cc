@@ -14,7 +14,7 @@
 namespace planish {
 namespace {
 
-// A certificate that ends sooner than this is worth a warning.
+// A certificate that expires sooner than this causes a warning.
 constexpr absl::Duration kSoon = absl::Hours(14 * 24);
 
 absl::Time TimeOf(const ASN1_TIME* time) {
