@@ -79,8 +79,8 @@ absl::Status DataDirectory::Check() const {
   }
   if (!*lost_) return absl::OkStatus();
   return MakeError(absl::StatusCode::kUnavailable, "DATA_DIRECTORY_LOST",
-                   "the server's data directory was removed or replaced while the server ran: nothing new is kept, and "
-                   "the server has to be restarted");
+                   "the server's data directory was removed or replaced while the server ran: nothing new is stored, "
+                   "and the server has to be restarted");
 }
 
 DataDirectory::DataDirectory(DataDirectory&& other) noexcept

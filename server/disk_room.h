@@ -11,8 +11,8 @@ namespace planish {
 
 // Two amounts. The headroom is at most an eighth of the file system:
 //   headroom  stays free of new meshes, so that jobs that were accepted can end and have their results kept
-//   reserve   a quarter of that, a file that is given up, a quarter at a time, when the disk is full all the same:
-//             SQLite writes its log even to delete something, and to open what is there
+//   reserve   a file of a quarter of the headroom, released a quarter at a time when the disk is full nevertheless:
+//             SQLite writes its log even to delete rows or to open the database
 // Thread-safe.
 class DiskRoom {
  public:

@@ -23,7 +23,7 @@ absl::StatusOr<std::string> ReadPassword(const std::string& path) {
     if (line.ends_with('\r')) line.pop_back();
     if (!line.empty()) return line;
   }
-  return absl::InvalidArgumentError(absl::StrCat("--store-password-file: there is no password in ", path));
+  return absl::InvalidArgumentError(absl::StrCat("--store-password-file: no password in ", path));
 }
 
 absl::StatusOr<std::shared_ptr<BlobStore>> OpenSharedBlobs(const StoreFlags& flags, SqlDatabase* database) {

@@ -69,7 +69,7 @@ void FrontDoor::Configure(RpcServerOptions* options) {
     if (IsLocal(address)) continue;
     if (tls_ == nullptr) LogWarn(address.text + " serves other machines without encryption");
     if (access_ == nullptr && flags_.client_auth != ClientAuth::kRequire) {
-      LogWarn(address.text + " serves whoever connects: there is no access file");
+      LogWarn(address.text + " serves everybody who connects: there is no access file");
     }
   }
 }

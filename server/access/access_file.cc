@@ -226,12 +226,12 @@ class Parser {
     const std::map<std::string, bool*> names = {
         {"submit", &rights.submit}, {"jobs", &rights.jobs}, {"all-jobs", &rights.all_jobs}, {"admin", &rights.admin}};
     PLANISH_ASSIGN_OR_RETURN(const std::vector<Item> list, List(found->second));
-    if (list.empty()) return Wrong(found->second, "there are none; leave the line out for submit and jobs");
+    if (list.empty()) return Wrong(found->second, "the list is empty; leave the line out for submit and jobs");
     for (const Item& each : list) {
       PLANISH_ASSIGN_OR_RETURN(const std::string text, Text(each));
       const auto right = names.find(text);
       if (right == names.end()) {
-        return Wrong(each, "no such right: " + text + "; there are submit, jobs, all-jobs and admin");
+        return Wrong(each, "unknown right: " + text + "; use submit, jobs, all-jobs or admin");
       }
       *right->second = true;
     }
@@ -262,10 +262,10 @@ absl::StatusOr<LoadedAccess> LoadAccessFile(const std::string& file) {
   struct stat info = {};
   if (stat(file.c_str(), &info) == 0) {
     if ((info.st_mode & S_IWOTH) != 0) {
-      return absl::InvalidArgumentError(file + ": everybody on this machine may change it: chmod o-rwx " + file);
+      return absl::InvalidArgumentError(file + ": everybody on this machine can change it: chmod o-rwx " + file);
     }
     if ((info.st_mode & S_IROTH) != 0) {
-      loaded.warnings.push_back(file + ": everybody on this machine may read it: chmod o-r " + file);
+      loaded.warnings.push_back(file + ": everybody on this machine can read it: chmod o-r " + file);
     }
   }
   PLANISH_ASSIGN_OR_RETURN(loaded.table, ParseAccessFile(text, file));

@@ -1,4 +1,4 @@
-// Who calls, and what they may do.
+// The caller of an RPC: tenant, credentials and rights.
 #pragma once
 
 #include <string>

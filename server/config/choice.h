@@ -24,7 +24,7 @@ void AddChoice(CLI::App* app, const std::string& flag, Value* target,
   }
   const auto is_word = [words](const std::string& text) {
     const bool known = std::find(words.begin(), words.end(), text) != words.end();
-    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
+    return known ? std::string() : absl::StrCat(text, " is not one of ", absl::StrJoin(words, ", "));
   };
   app->add_option_function<std::string>(
          flag,

@@ -25,7 +25,7 @@ Environment ReadEnvironment(const std::string& prefix);
 // and, with the prefix "PLANISHD_", the variable PLANISHD_RETAIN_MB. A list is one value or a list in the file, and
 // separated by commas in a variable. A list from one source replaces that of a lower source; they are not joined.
 //
-// Ranges, choices and conversions are those of the options, for values from every source.
+// The options' ranges, choices and conversions apply to values from every source.
 class Settings {
  public:
   // Call it after the options of *app were defined and before app->parse(). `app` must outlive this object.

@@ -33,7 +33,7 @@ constexpr absl::Duration kLeastLookInterval = absl::Milliseconds(100), kLeastTid
 
 absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
-                   absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
+                   absl::StrCat("the UV of ", name, " were dropped: the server keeps results for a limited time"),
                    {{"job", name}});
 }
 
@@ -114,7 +114,7 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
 absl::Status JobManager::Draining() const {
   if (!draining_) return absl::OkStatus();
   const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
-                                  : "an operator drains the server: it takes no new jobs for now";
+                                  : "an operator is draining the server: it takes no new jobs at the moment";
   return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), context_.options.retry_delay);
 }
 
@@ -415,7 +415,7 @@ void JobManager::Drain(std::function<void()> on_idle) {
 absl::Status JobManager::Undrain() {
   if (ending_ || suspended_) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "SHUTTING_DOWN",
-                     "the server is about to end: that cannot be taken back");
+                     "the server is shutting down, which cannot be undone");
   }
   draining_ = false;
   return absl::OkStatus();

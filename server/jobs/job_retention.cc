@@ -265,7 +265,7 @@ absl::Status JobRetention::CheckDisk(const std::string& tenant, std::int64_t byt
     }
     return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
                      absl::StrCat("the server's disk is nearly full: ", shortage,
-                                  " bytes lack if results of accepted jobs are to have room"),
+                                  " bytes more must be free so that results of accepted jobs have room"),
                      {{"bytes", absl::StrCat(shortage)}});
   }
 }

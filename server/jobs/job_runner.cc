@@ -255,7 +255,7 @@ void JobRunner::Forget(const Lease& lease) {
   if (found != attempts_.end() && found->second.work.lease.attempt == lease.attempt) attempts_.erase(found);
 }
 
-// ---- wishes and leases
+// ---- desired states and leases
 
 void JobRunner::SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) {
   const std::lock_guard lock(mutex_);

@@ -85,8 +85,8 @@ class JobRunner : public JobSource {
     absl::Time renewed;  // time of the last renewal of the lease, by the steady clock
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
-    Wish told = Wish::kGoOn;  // the wish that was sent to the worker
-    bool look = false;        // the wish in the store may have changed
+    Wish told = Wish::kGoOn;  // the state that was sent to the worker
+    bool look = false;        // the desired state in the store may have changed
     absl::Time obey_by = absl::InfiniteFuture();
     std::vector<v1::Progress> progress;  // not written yet
     absl::Time reported;                 // by the steady clock

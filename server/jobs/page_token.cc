@@ -45,7 +45,7 @@ absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const Pag
     if (Seal(list, static_cast<std::int64_t>(number)) == seal) return static_cast<std::int64_t>(number);
   }
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
-                   "page_token is none of this server's, or belongs to a list with another filter",
+                   "page_token was not made by this server, or belongs to a list with another filter",
                    {{"field", "page_token"}});
 }
 

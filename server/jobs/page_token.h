@@ -11,7 +11,7 @@ namespace planish {
 // The list that a page belongs to.
 struct PageList {
   std::string
-      store;  // JobStore::id(): job numbers start anew with each. A secret, which nobody else can make tokens without
+      store;  // JobStore::id(), since each store numbers its jobs from 1. It is secret, so nobody else can make tokens
   std::string tenant;  // whose jobs are listed; empty: all tenants'
   std::string filter;  // as the caller wrote it
 };

@@ -3,7 +3,7 @@
 //   Create ──> under way ── the last byte came, and the digest is right ──> complete ──> Use
 //                 │  │                                                         │
 //                 │  └─ the digest is wrong, Delete, or idle too long ─> gone <┘ Delete, or idle too long
-//                 └─ a writer at a time; what it wrote stays when it goes
+//                 └─ one writer at a time; its bytes stay when it leaves
 //
 // Uploads are in an UploadPlace. The stores of several servers may share one: a writer that is cut off at one server
 // continues at another. A writer has a fencing token; after another writer took over, its writes change nothing.

@@ -111,13 +111,13 @@ class WorkerPool::Seat {
     switch ((*link)->Receive(absl::Now() + limit, &received)) {
       case Wait::kTimeout:
         (*link)->Close();
-        return InternalError("a worker that was started did not get ready: " + (*link)->HowEnded().message);
+        return InternalError("a started worker did not become ready: " + (*link)->HowEnded().message);
       case Wait::kClosed:
-        return InternalError("a worker ended as soon as it was started: " + (*link)->HowEnded().message);
+        return InternalError("a worker ended right after its start: " + (*link)->HowEnded().message);
       case Wait::kMessage:
         break;
     }
-    if (!received.message.has_idle()) return InternalError("a worker spoke out of turn when it was started");
+    if (!received.message.has_idle()) return InternalError("a started worker sent another message before it was idle");
     pool_.any_ready_ = true;
     link_ = *std::move(link);
     jobs_ = 0;
@@ -189,7 +189,7 @@ class WorkerPool::Seat {
         return Finish(job, std::move(*message.mutable_result()), std::move(received.blob));
       } else {
         return Lose(job, WorkerEndCause::kCrashed,
-                    {"INTERNAL", "the worker broke the protocol: it said it was idle in the middle of a job", {}});
+                    {"INTERNAL", "the worker broke the protocol: it reported that it was idle during a job", {}});
       }
     }
   }
@@ -248,7 +248,7 @@ class WorkerPool::Seat {
     switch (link_->Receive(absl::Now() + options_.start_limit, &received)) {
       case Wait::kTimeout:
         return End(WorkerEndCause::kHung,
-                   Hung("it did not get ready again", v1::STAGE_UNSPECIFIED, options_.start_limit), "");
+                   Hung("it did not become ready again", v1::STAGE_UNSPECIFIED, options_.start_limit), "");
       case Wait::kClosed:
         return End(WorkerEndCause::kCrashed, link_->HowEnded(), "");
       case Wait::kMessage:

@@ -56,7 +56,7 @@ class FrameSocket {
   // Ends the connection at both ends; a Receive() under way returns. Thread-safe.
   void Close();
 
-  // What was wrong with the data that the other end sent; empty if nothing was. Call it after Receive() returned
+  // The fault in the data that the other end sent; empty if there was no fault. Call it after Receive() returned
   // kClosed, on the same thread.
   const std::string& fault() const { return fault_; }
 

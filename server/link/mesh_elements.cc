@@ -81,7 +81,7 @@ class Decoder {
       if (polygons[f] >= 0 && polygons[f] < std::ssize(polygons)) continue;
       return Invalid("face_polygon",
                      absl::StrCat("there is no polygon ", static_cast<std::uint32_t>(polygons[f]), ": ", polygons.size(),
-                                  " triangles make no more than as many polygons, numbered from 0"),
+                                  " triangles make at most that many polygons, numbered from 0"),
                      {{"face", absl::StrCat(f)}});
     }
     return polygons;
@@ -89,7 +89,7 @@ class Decoder {
 
   absl::Status GoesWithOptions(const std::string& field, std::string_view bytes) const {
     if (bytes.empty()) return absl::OkStatus();
-    if (options_.pack() == v1::PACK_OFF) return Invalid(field, "charts that are not packed have no atlas");
+    if (options_.pack() == v1::PACK_OFF) return Invalid(field, "face_atlas needs packing, and pack is off");
     if (options_.seams() != v1::SEAMS_NONE) return absl::OkStatus();
     return Invalid(field, "with SEAMS_NONE the mesh is one chart, which fills its tile");
   }

@@ -130,7 +130,7 @@ class ProcessWorkerLink : public WorkerLink {
   WorkerLoss Loss(bool given_up) const {
     if (!fault_.empty()) return {"INTERNAL", "the worker broke the protocol: it sent " + fault_, {}};
     if (given_up) return {"WORKER_HUNG", "the worker was given up and killed", {}};
-    if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and went on; it was killed", {}};
+    if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and continued; it was killed", {}};
     const std::string message = "the worker " + HowItEnded(status_);
     if (WIFSIGNALED(status_)) {
       const std::string name = SignalName(WTERMSIG(status_));

@@ -50,7 +50,7 @@ std::int64_t ResidentBytes() {
 
 std::int64_t OpenDescriptors() {
   std::error_code error;
-  std::int64_t count = -1;  // not counting the one that reads the directory
+  std::int64_t count = -1;  // without the descriptor that reads the directory
   for (std::filesystem::directory_iterator it("/proc/self/fd", error), end; !error && it != end; it.increment(error)) {
     ++count;
   }

@@ -77,7 +77,7 @@ class RuledCallerSource : public CallerSource {
         rules_.peers == nullptr ? std::nullopt : rules_.peers->Find(context.peer());
     if (user) return ByUser(table.get(), *user);
     if (table == nullptr) return DefaultCaller("");
-    return Missing("this server takes calls with credentials only: a token, or a client certificate that it knows");
+    return Missing("this server needs credentials: a token, or a client certificate that it knows");
   }
 
  private:

@@ -54,7 +54,7 @@ absl::StatusOr<MessageMemory::Share> MessageMemory::Take(const std::string& tena
   const std::int64_t tenants = static_cast<std::int64_t>(taken_by_.size()) + (own == 0 ? 1 : 0);
   if (most_ > 0 && !HasFairPart(own, taken_, bytes, most_, tenants)) {
     return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                    "the requests that are being read take all the memory there is for them"),
+                                    "requests that are being handled take all memory for requests"),
                           kMemoryRetryDelay);
   }
   Share share;

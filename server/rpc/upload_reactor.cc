@@ -20,7 +20,7 @@ absl::Status FieldInvalid(const std::string& field, const std::string& message) 
 absl::Status Draining() {
   constexpr absl::Duration kRetryDelay = absl::Seconds(1);
   return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
-                                  "the server is shutting down; the upload goes on where committed_bytes says"),
+                                  "the server is shutting down; continue the upload at committed_bytes"),
                         kRetryDelay);
 }
 

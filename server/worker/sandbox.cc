@@ -120,7 +120,7 @@ absl::Status EnterSandbox() {
   if (error == 0) error = AddRules(filter.get());
   if (error == 0) error = seccomp_load(filter.get());
   if (error == 0) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat("the kernel takes no filter of system calls: ", std::strerror(-error)));
+  return absl::UnavailableError(absl::StrCat("the kernel accepts no system call filter: ", std::strerror(-error)));
 }
 
 void ConfineProcess() {

@@ -184,8 +184,8 @@ bool ProgressThrottle::Pass(const v1::Progress& progress) {
 
 absl::Status OutOfMemory() {
   return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
-                   "the job took more memory than was reserved for it, as a mesh may that makes very many charts; weld "
-                   "its vertices, simplify it, or unwrap it in parts");
+                   "the job needed more memory than was reserved for it, for instance because its mesh makes very many "
+                   "charts; weld its vertices, simplify it, or unwrap it in parts");
 }
 
 WorkOutcome DoWork(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control) {
