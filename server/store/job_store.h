@@ -1,8 +1,8 @@
 // Where jobs are, and the only ways to change them.
 //
-// Every function that changes something is a verb: one transaction, which reads what is there, decides, and writes the
-// records, their events and small blobs, or nothing at all. Any number of processes may use one store (PostgreSQL) at
-// the same time.
+// Every function that changes something is a verb, in a file of its own or with its like: one transaction, which reads
+// what is there, decides, and writes the records, their events and small blobs, or nothing at all. Any number of
+// processes may use one store (PostgreSQL) at the same time.
 //
 // Work. All jobs of a tenant that ask for the same are one piece of work (JobRecord.work), unless Scheduling.fresh. It
 // is queued, claimed, lost and finished as one; each of its jobs may be stopped or cancelled alone.
@@ -203,8 +203,31 @@ struct TenantTotals {
   std::int64_t record_bytes = 0;  // of the records, reports and events of those that ended
 };
 
+// Jobs of one tenant that have not ended, have the same state and were given the same priority.
+struct JobCount {
+  std::string tenant;
+  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  v1::Priority priority = v1::PRIORITY_UNSPECIFIED;
+  std::int64_t jobs = 0;
+  absl::Time first;  // the earliest Job.create_time
+};
+
+// What has not ended.
+struct QueueCounts {
+  std::vector<JobCount> jobs;
+  std::int64_t waiting_works = 0;
+  std::int64_t running_works = 0, reserved_bytes = 0;          // of all owners
+  std::int64_t own_running_works = 0, own_reserved_bytes = 0;  // of the one that asks
+  absl::Time now;
+};
+
 struct JobTotals {
   std::map<std::string, TenantTotals> tenants;  // that have records
+};
+
+struct JobStoreOptions {
+  // The store's. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
+  std::function<absl::Time()> clock;
 };
 
 // Thread-safe. Errors of all functions, beside those that they name: RESOURCE_EXHAUSTED with STORAGE_FULL, UNAVAILABLE
@@ -212,42 +235,45 @@ struct JobTotals {
 // Job.name; where there is none, NOT_FOUND with JOB_NOT_FOUND.
 class JobStore {
  public:
-  virtual ~JobStore() = default;
+  // Over any database that speaks SqlConnection's dialect.
+  explicit JobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
+  ~JobStore();
+
+  JobStore(const JobStore&) = delete;
+  JobStore& operator=(const JobStore&) = delete;
 
   // Of this store, the same after a restart.
-  virtual const std::string& id() const = 0;
+  const std::string& id() const;
 
   // By the store's clock.
-  virtual absl::StatusOr<absl::Time> Now() = 0;
+  absl::StatusOr<absl::Time> Now();
 
   // Whether other processes may use it at the same time.
-  virtual bool is_shared() const = 0;
+  bool is_shared() const;
 
   // ---- verbs of callers
 
   // Adds the job, its blobs and its first events; or finds the one that has its name, or its request id (whose work key
   // may differ: that is the caller's to refuse). Transactions of several processes at the same moment may exceed
   // NewJob::limits by one each.
-  virtual absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) = 0;
+  absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job);
   // The same for several jobs, which are committed together, in their order. The answers are in the same order.
-  virtual std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context,
-                                                                std::vector<NewJob> jobs) = 0;
+  std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context, std::vector<NewJob> jobs);
 
   // Ends a job that nobody works at, or whose work goes on for others: CANCELLED, or FAILED with DEADLINE_EXCEEDED. One
   // whose worker has to answer first is STOPPING until Finish(). No effect on a job that ended, or was ended so before.
   // `forget`: its request id is free again.
-  virtual absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
-                                             bool forget) = 0;
+  absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why, bool forget);
   // Sets Job.stop_requested; RUNNING becomes STOPPING. No effect on a job that ended.
-  virtual absl::StatusOr<JobChange> RequestStop(const VerbContext& context, const std::string& name) = 0;
+  absl::StatusOr<JobChange> RequestStop(const VerbContext& context, const std::string& name);
   // FAILED with `error`, whoever works at it. No effect on a job that ended. `forget` as above.
-  virtual absl::StatusOr<JobChange> Fail(const VerbContext& context, const std::string& name,
-                                         const google::rpc::Status& error, bool forget) = 0;
+  absl::StatusOr<JobChange> Fail(const VerbContext& context, const std::string& name, const google::rpc::Status& error,
+                                 bool forget);
   // The job no longer belongs to its callers (JobRecord.attached).
-  virtual absl::StatusOr<JobChange> Detach(const std::string& name) = 0;
+  absl::StatusOr<JobChange> Detach(const std::string& name);
   // The callers of those jobs that have not ended and belong to callers are known to be there for `time` from now on
   // (JobRecord.callers_until); durable later.
-  virtual absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time) = 0;
+  absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time);
 
   // ---- verbs of those who run work
 
@@ -256,90 +282,87 @@ class JobStore {
   // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
   // it. Where too many claims are under way for its turn to come soon, a claim ends without work; `wait`, unless null,
   // says so.
-  virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
-                                                         ClaimWait* wait = nullptr) = 0;
+  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
+                                                 ClaimWait* wait = nullptr);
   // Those of the owner's running works of which anything but kGoOn is wanted, as far as somebody asked for it.
-  virtual absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) = 0;
+  absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner);
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
-  virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
+  absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease);
   // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
   // work some thousand events are kept, the newest.
-  virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
-                                                        const std::vector<v1::Progress>& progress) = 0;
+  absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
+                                                const std::vector<v1::Progress>& progress);
   // Ends the attempt. Its jobs end, or are queued again: after a loss, or with a larger reservation.
-  virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
-                                                        const AttemptOutcome& outcome) = 0;
+  absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
+                                                const AttemptOutcome& outcome);
   // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against
   // it. Jobs that were to end anyway end. `work` not empty: this one only.
-  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
-                                                         const std::string& work = {}) = 0;
+  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                 const std::string& work = {});
   // ---- verbs of those who keep order
 
   // Queues again, or fails after the last attempt (SERVER_CRASHED), up to `most` pieces of work whose lease is over.
   // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
-  virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
-                                                      int most) = 0;
+  absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner, int most);
   // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request
   // ids are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget
   // are stopped. As EndEarly() and RequestStop(); the changes of all.
-  virtual absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) = 0;
+  absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most);
   // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
-  virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
+  absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name);
   // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
-  virtual absl::Status Delete(const std::string& name) = 0;
+  absl::Status Delete(const std::string& name);
   // Likewise up to `most` jobs of the tenant (empty: of all), those that ended first, but for any that somebody else is
   // at. Returns their records.
-  virtual absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) = 0;
+  absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most);
 
   // ---- questions
 
-  virtual absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) = 0;
-  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant,
-                                                                   const std::string& request_id) = 0;
+  absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name);
+  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant, const std::string& request_id);
   // The newest that SUCCEEDED at this work.
-  virtual absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) = 0;
+  absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key);
   // Newest first.
-  virtual absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) = 0;
+  absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query);
   // Those that have not ended, oldest first.
-  virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
+  absl::StatusOr<std::vector<JobRecord>> Unfinished();
   // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
-  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
-  virtual absl::StatusOr<JobTotals> Totals() = 0;
-  virtual absl::StatusOr<FairAccounts> Accounts() = 0;
-  virtual absl::StatusOr<QueueState> Queue() = 0;
+  absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
+  absl::StatusOr<JobTotals> Totals();
+  absl::StatusOr<FairAccounts> Accounts();
+  // `owner` may be empty.
+  absl::StatusOr<QueueCounts> Counts(const std::string& owner);
+  absl::StatusOr<QueueState> Queue();
   // Whether a job of the tenant that has not ended does this work.
-  virtual absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) = 0;
+  absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key);
   // The tenant's job that ended last.
-  virtual absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) = 0;
+  absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);
   // The newest that was reported of a job that has not ended.
-  virtual absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) = 0;
+  absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number);
   // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
   // it.
-  virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
+  absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0);
   // Those of the jobs with these numbers that there are; in any order.
-  virtual absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers) = 0;
+  absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers);
   // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
-  virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
+  absl::StatusOr<bool> UsesBlob(const BlobId& id);
 
   // Calls `listener` after changes of jobs and of what may be claimed, by any process, on any thread: it must be quick,
   // and must not call back. Never again once the subscription is dropped.
   using Listener = std::function<void(const StoreNews& news)>;
   using Subscription = std::shared_ptr<void>;
-  [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
+  [[nodiscard]] Subscription Subscribe(Listener listener);
   // Whether that includes what other processes do. Where it does not (PostgresOptions::must_hear), ask often.
-  virtual bool hears_others() const = 0;
+  bool hears_others() const;
 
   // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.
-  virtual BlobRows* rows() = 0;
-};
+  BlobRows* rows();
 
-struct JobStoreOptions {
-  // The store's. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
-  std::function<absl::Time()> clock;
-};
+ private:
+  struct Parts;  // job_store_parts.h
 
-// The store of any database that speaks SqlConnection's dialect.
-std::unique_ptr<JobStore> NewJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
+  const std::unique_ptr<Parts> parts_;
+};
 
 // With OpenSqliteDatabase().
 absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path,

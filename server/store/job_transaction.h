@@ -1,4 +1,4 @@
-// What the verbs of SqlJobStore are made of: rows that are read, changed and written within one transaction.
+// What the verbs of JobStore are made of: rows that are read, changed and written within one transaction.
 #pragma once
 
 #include <algorithm>
@@ -58,6 +58,10 @@ struct LockedWork {
 // What a SELECT of jobs returns for JobRowsOf(); NULL in place of `report` leaves that out.
 inline constexpr char kJobColumns[] = "number, due, record, report";
 inline constexpr char kLeanJobColumns[] = "number, due, record, NULL";
+
+// JOB_STATE_SUCCEEDED, as written into statements and not a parameter of them: the indexes of results are partial.
+inline constexpr int kSucceeded = 4;
+static_assert(kSucceeded == v1::JOB_STATE_SUCCEEDED);
 
 // Row i, whose columns begin at `column`.
 absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t column = 0);
