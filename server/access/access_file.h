@@ -25,7 +25,7 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong". `file` is for these messages.
+// INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong". `file`: the name for these messages.
 absl::StatusOr<std::shared_ptr<const AccessTable>> ParseAccessFile(const std::string& text, const std::string& file);
 
 struct LoadedAccess {
