@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what is needed, builds planish, and makes everything that can be handed to others, in build/packages/dist: Debian packages, the
-# relocatable tarball, the Python wheel and sdist, the Blender add-on.
+# Installs what is needed, builds planish, and makes all packages in build/packages/dist: Debian packages, the
+# relocatable tarball, the Python wheel and sdist, and the Blender add-on.
 #
 #   deploy/packages.sh
 #

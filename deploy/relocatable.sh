@@ -1,7 +1,7 @@
 #!/bin/sh
-# Makes the directory that the relocatable tarball is made of: the programs with the dynamic loader and all libraries, C library included, for
-# Linux machines that have none of them or older ones. `bin/NAME` starts `libexec/NAME` with what is in `lib`
-# (deploy/packages/launcher.cc).
+# Makes the directory of the relocatable tarball: the programs with the dynamic loader and all libraries, the C library
+# included, for Linux machines that lack these libraries or have older ones. `bin/NAME` starts `libexec/NAME` with the
+# loader and the libraries in `lib` (deploy/packages/launcher.cc).
 #
 #   deploy/relocatable.sh BUILD PREFIX DIRECTORY      BUILD: a build folder; PREFIX: where it is installed; DIRECTORY: to be made
 set -eu
@@ -21,7 +21,7 @@ cp "$build/deploy/packages/planish_launcher" "$top/bin/planish"
 strip "$top/bin/planish"
 for program in planishd planishd-farm; do ln "$top/bin/planish" "$top/bin/$program"; done
 
-# Man pages and completion; what is in share/planish is for units and other languages.
+# Man pages and completion. share/planish is left out: it is for units and other languages.
 for directory in "$prefix"/share/*; do
   [ "${directory##*/}" = planish ] || cp -r "$directory" "$top/share/"
 done

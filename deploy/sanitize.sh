@@ -1,13 +1,13 @@
 #!/bin/sh
-# Installs what is needed, builds with sanitizers and runs tests under them; a finding fails the test it is found by.
+# Installs packages, builds with sanitizers and runs the tests. A sanitizer's finding fails its test.
 #
 #   deploy/sanitize.sh address    address and undefined-behaviour sanitizers over everything, programs included
 #   deploy/sanitize.sh thread     thread sanitizer over core and jobs: Debian's gRPC is not instrumented, and would
 #                                 give false reports by the hundred
 #
-# Without tests of scripts, pages, packages and clients in other languages, which run little of our own code; without those of
-# the shared meshes, as generated ones do the same to it; and without shares of time, of which slow code says nothing.
-# Further arguments go to ctest. Ends like deploy/test.sh.
+# Leaves out tests of scripts, pages, packages and clients in other languages, which run little of our own code; tests
+# of the shared meshes, since generated ones run the same code; and tests of time ratios, which mean nothing in slow
+# code. Further arguments go to ctest. Ends like deploy/test.sh.
 set -eu
 cd "$(dirname "$0")/.."
 

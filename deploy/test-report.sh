@@ -1,17 +1,16 @@
 #!/bin/sh
-# Says what became of a run of ctest, and fails if a test failed, if none passed or if one was skipped that may not be.
-# Ends with "N passed, N failed[, N skipped]". deploy/test.sh calls it.
+# Reports the result of a run of ctest. Fails if a test failed, if no test passed, or if a test was skipped that may not
+# be. Ends with "N passed, N failed[, N skipped]". deploy/test.sh calls it.
 #
 #   deploy/test-report.sh REPORT LOG ALLOWED_SKIPS [sanitized]
 #
-# REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try. A test of
-# ctest that runs several cases of a GoogleTest program NAME_test counts as that many: each is called NAME_Suite.Case.
-# A test that failed and then passed (ctest --repeat) is named. A test that passed has failed all the same if a sanitizer's
-# report is in the output of any try: that of the test, or of a process it started. Faults that
-# server/worker/failpoints.cc makes on purpose do not count.
-# Under the name of a test that failed are lines of what it printed in its last try: what follows GoogleTest's first "Failure",
-# or the last lines.
-# ALLOWED_SKIPS is tests/allowed_skips.txt, which explains itself. `sanitized`: the programs were built with a sanitizer.
+# REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try. If a
+# test of ctest runs several cases of a GoogleTest program NAME_test, each case counts, under the name NAME_Suite.Case.
+# The report names tests that failed and then passed (ctest --repeat). A test counts as failed if a sanitizer's report
+# is in the output of any try, from the test or from a process it started, even if it passed. Faults that
+# server/worker/failpoints.cc injects do not count. Below the name of a failed test are lines of its output in the last
+# try: those after GoogleTest's first "Failure", or the last ones. ALLOWED_SKIPS is tests/allowed_skips.txt, which
+# explains itself. `sanitized`: the programs were built with a sanitizer.
 set -eu
 report=$1 log=$2 allowed=$3 sanitized=${4:-}
 tab=$(printf '\t')
@@ -26,8 +25,8 @@ fail() {
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# STATUS, a tab and NAME of every test of ctest. It has the status "notrun" for skipped tests, and for those that could not run
-# (no such program, a file missing), which have failed.
+# Prints STATUS, a tab and NAME of every test of ctest. The status "notrun" means a skipped test, or a test that could
+# not run (a missing program or file), which counts as failed.
 awk '
   function flush() { if (name != "") print result "\t" name; name = "" }
   /^[[:space:]]*<testcase / {
@@ -41,8 +40,8 @@ awk '
   /^[[:space:]]*<skipped message="SKIP_/ { result = "skipped" }
   END { flush() }' "$report" >"$work/tests"
 
-# RESULT, NAME, the test of ctest and the case of GoogleTest, with tabs between them, of everything that was tested. A case that
-# began and did not end has failed.
+# Prints RESULT, NAME, the test of ctest and the case of GoogleTest, separated by tabs, for every test and case. A case
+# that began and did not end has failed.
 awk -F '\t' '
   FNR == 1 { ++file }
   file == 1 && /^[0-9]+\/[0-9]+ Test: / {

@@ -33,16 +33,16 @@ constexpr int kCannotServe = 2;
 
 void SetUpLogging(const ServerFlags& flags) {
   SetUpLog(flags.log_format, flags.log_level);
-  // What matters of gRPC's chatter reaches us as errors.
+  // gRPC's log is debug output only: real errors reach us as statuses.
   gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
-  // Mostly about texts of callers that are not UTF-8; they hear of that themselves.
+  // Mostly about callers' texts that are not UTF-8; the callers get an error for these.
   google::protobuf::SetLogHandler([](google::protobuf::LogLevel level, const char*, int, const std::string& message) {
     Log(level == google::protobuf::LOGLEVEL_FATAL ? LogLevel::kError : LogLevel::kDebug, message,
         {{"source", "protobuf"}});
   });
 }
 
-// Each job kept or waiting may hold descriptors, and each connection does.
+// Every connection needs a descriptor, and stored and waiting jobs may.
 void AllowManyDescriptors() {
   rlimit limit;
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -59,7 +59,7 @@ int Refuse(const ServerFlags& flags, const absl::Status& status) {
   return kCannotServe;
 }
 
-// Runs planishd-farm, which is beside this program, in the place of this process. Returns only if that cannot be.
+// Replaces this process by planishd-farm, which is in the same directory. Returns only if that fails.
 int BecomeFarmServer(char** argv) {
   const std::string program = SelfPath() + "-farm";
   execv(program.c_str(), argv);
@@ -71,13 +71,14 @@ int Serve(const ServerConfig& config, std::vector<std::string> arguments, const 
   const ServerFlags& flags = config.flags;
   const ServiceManager service_manager;        // before any thread: it changes the environment
   ShutdownEvents events(flags.supervisor_fd);  // before any thread: it blocks the signals for all of them
-  // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
+  // Never undone: the last grpc_shutdown() joins gRPC's own threads, one of which may be in a poll for 10 s.
   grpc_init();
   SetUpLogging(flags);
   for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  // Until the job ends (worker.cc). A server without jobs in it gives back what a burst of large requests took.
+  std::signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is handled like a full disk
+  // Until the job ends (worker.cc). A server without jobs in its process returns memory after a burst of large
+  // requests.
   if (!flags.isolated) KeepFreedMemory();
   bool had_workers = false;
   {

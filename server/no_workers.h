@@ -1,4 +1,4 @@
-// Why no worker can be started.
+// The reason why no worker can be started.
 #pragma once
 
 #include <mutex>
@@ -10,7 +10,7 @@
 
 namespace planish {
 
-// From the pool's threads to the main one. Thread-safe.
+// Passes it from the pool's threads to the main thread. Thread-safe.
 class NoWorkers {
  public:
   void Set(const absl::Status& last, ShutdownEvents* events) {

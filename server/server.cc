@@ -25,7 +25,7 @@ constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
 constexpr absl::Duration kTidyInterval = absl::Seconds(1);
 constexpr absl::Duration kFileWatchInterval = absl::Milliseconds(250);
 
-// How long workers may take to obey, and readers to take in the last events, before they are cut off.
+// How long workers may take to end cancelled jobs, and readers to receive the last events, before they are cut off.
 constexpr absl::Duration kCancelLimit = absl::Seconds(5);
 constexpr absl::Duration kCloseLimit = absl::Seconds(1);
 constexpr absl::Duration kFlushLimit = absl::Seconds(2);
@@ -47,7 +47,7 @@ void LogClockSkew(absl::Duration ahead) {
                        "that expire, and the times in this log go by this one"));
 }
 
-// This server, as others see it.
+// The entry of this server in the list of servers.
 ServerEntry Self(const ServerFlags& flags) {
   return {RandomId(), AnswersCallers(flags.store.role), flags.workers, flags.memory_mb * kMiB, PLANISH_VERSION};
 }
@@ -165,14 +165,14 @@ void Server::StartUpkeep() {
   });
 }
 
-// Whether the store answers and takes what is written; may wait for ever. Null: it is in this process.
+// The check that the store answers and can be written; may never return. Null: the store is in memory.
 std::function<absl::Status()> Server::StoreQuestion() {
   if (!stores_.directory.has_value() && !farm_.has_value()) return nullptr;
   return [this]() -> absl::Status {
     if (stores_.directory.has_value()) {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t shortage, stores_.DiskShortage(0));
       PLANISH_RETURN_IF_ERROR(TryToWrite(stores_.directory->path()));
-      // Below that, old results give way to new meshes.
+      // A smaller shortage is made up by dropping old results.
       if (shortage > 0 && shortage > stores_.blobs->bytes()) {
         return absl::ResourceExhaustedError(
             absl::StrCat("the disk of ", stores_.directory->path(), " is nearly full: ", shortage >> 20,
@@ -202,7 +202,7 @@ WatchedServer Server::Watched() {
   return server;
 }
 
-// What can change without a restart.
+// Registers the settings that can change without a restart.
 void Server::AddReloadHooks() {
   using Keys = std::vector<std::string>;
   const auto add = [this](const Keys& keys, std::function<void(const ServerFlags&)> apply) {
@@ -217,12 +217,12 @@ void Server::AddReloadHooks() {
   add({"recycle-after"}, [this](const ServerFlags& flags) {
     if (pool_ != nullptr) pool_->SetRecycleAfter(flags.recycle_after);
   });
-  // Files, whose names stay; they are read again whenever they change as well.
+  // Certificates and access file: their contents may change, their names may not.
   reloader_.AddHook({}, [this](const ServerFlags&) { return door_->PrepareReload(); });
   add({"grace"}, [this](const ServerFlags& flags) { grace_seconds_ = flags.grace_seconds; });
 }
 
-// What it does, for the log.
+// A description of this server for the log.
 std::string Server::Description() const {
   const ServerFlags& flags = config_.flags;
   std::vector<std::string> parts;
@@ -243,7 +243,7 @@ bool Server::Run() {
   const bool failed = wake == Wake::kFailed;
   if (failed) {
     LogError(no_workers_.status().message());
-    // They wait for another server or, where the store ends with this one, will never run.
+    // The jobs wait for another server; if the store ends with this one, they will never run.
     if (!config_.flags.store.is_durable()) manager_->FailAll(no_workers_.status());
   }
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds_) : absl::ZeroDuration();
@@ -257,13 +257,13 @@ bool Server::Run() {
   monitoring_.Detach();
   if (rpc_ != nullptr) rpc_->Shutdown(absl::Now() + kLastCallsLimit);
   manager_->StopWorkers();
-  // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
+  // The thread of a worker that does not answer cannot be joined. Its job has failed, so nothing is lost.
   if (!workers_done) std::_Exit(EXIT_SUCCESS);
   return !failed;
 }
 
-// Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short. It is too late
-// for new settings.
+// Waits until no job waits or runs. False if `limit` passes first, or on a signal or the supervisor's end. Ignores
+// SIGHUP.
 bool Server::WaitUntilIdle(absl::Duration limit) {
   const absl::Time end = absl::Now() + limit;
   Wake wake = events_.Wait(limit);
@@ -272,12 +272,12 @@ bool Server::WaitUntilIdle(absl::Duration limit) {
 }
 
 // Returns when every job has ended or, if the store outlives this process, was left to another server. False if workers
-// did not answer, and still run.
+// did not answer and still run.
 bool Server::EndJobs(absl::Duration grace) {
   const ServerFlags& flags = config_.flags;
   manager_->Drain([this] { events_.NotifyIdle(); });
   const bool idle = WaitUntilIdle(grace);
-  // In a farm jobs go on elsewhere, and so do those that watch them here.
+  // In a farm the jobs go on at other servers, and so do callers that watch them here.
   if (idle && !flags.store.is_farm()) return true;
   if (flags.store.is_durable()) {
     if (!idle) LogInfo("leaving the jobs that are left to another server");

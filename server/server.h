@@ -1,4 +1,4 @@
-// A planishd that serves: its parts, what connects them, and how they end.
+// A running planishd: its parts, their connections, and the shutdown.
 #pragma once
 
 #include <memory>
@@ -27,22 +27,22 @@
 
 namespace planish {
 
-// For one thread.
+// Use it from one thread.
 class Server {
  public:
-  // `arguments`: of the command line, for reloads. `service_manager` and `events`, which were made before any thread,
-  // outlive the object.
+  // `arguments`: the command line, for reloads. `service_manager` and `events` outlive the object; create them before
+  // any thread.
   Server(const ServerConfig& config, std::vector<std::string> arguments, const ServiceManager* service_manager,
          ShutdownEvents* events);
-  // Ends in the reverse order of the members, which each need those before them.
+  // Destroys the members in reverse order, since each uses earlier ones.
   ~Server() = default;
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  // Opens everything and begins to serve; once. Errors are for people, and say why it cannot.
+  // Opens everything and begins to serve. Call it once. Errors are for people.
   absl::Status Start(const FarmOpener& open_farm);
-  // Serves until a signal, the supervisor or the lack of workers ends that, then ends or leaves the jobs and takes no
-  // more calls (server/README.md, Shutdown). Whether there were workers to the end.
+  // Serves until a signal, the end of the supervisor, or a lack of workers. Then ends the jobs or leaves them to
+  // another server, and stops taking calls (server/README.md, Shutdown). False if no workers could be started.
   bool Run();
 
  private:
@@ -65,17 +65,17 @@ class Server {
   Monitoring monitoring_;  // first, so that probes are answered while stores are opened
   std::unique_ptr<FrontDoor> door_;
   Stores stores_;
-  std::optional<Farm> farm_;  // empty: the store is this server's own
+  std::optional<Farm> farm_;  // empty: no other server shares the store
   std::unique_ptr<JobManager> manager_;
   StreamCounter streams_;
   Reloader reloader_;
   std::optional<Admin> admin_;
   std::unique_ptr<RpcService> service_, admin_service_;
-  std::unique_ptr<RpcServer> rpc_;  // null: a worker of a farm answers nobody
+  std::unique_ptr<RpcServer> rpc_;  // null for a worker of a farm, which answers no callers
   std::optional<Upkeep> ticking_, beating_, tidying_, announcing_, watching_files_;
   NoWorkers no_workers_;
   std::optional<OutputLines> worker_output_;
-  std::unique_ptr<WorkerPool> pool_;  // null: a front of a farm runs nothing
+  std::unique_ptr<WorkerPool> pool_;  // null for a front of a farm, which runs no jobs
 };
 
 }  // namespace planish

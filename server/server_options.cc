@@ -24,7 +24,7 @@ namespace {
 
 constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
 
-// Longer than any stage of the largest meshes goes without a word.
+// Longer than any stage of the largest meshes takes without sending progress.
 constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What the parts of planishd are given, as its flags say.
+// Derives the options of planishd's parts from its flags.
 #pragma once
 
 #include "planish/v1/planish.pb.h"
@@ -8,16 +8,16 @@
 
 namespace planish {
 
-// Of an upload's messages; large enough that messages cost nothing, small enough that a broken connection does not
-// either.
+// Size of an upload's messages: large enough that the overhead of messages is negligible, and small enough that a
+// broken connection costs little.
 inline constexpr std::int64_t kUploadChunkBytes = kMiB;
 
 JobLimits LimitsFrom(const ServerFlags& flags);
-// Without what depends on other parts of the server.
+// Without the members that depend on other parts of the server.
 JobManagerOptions ManagerOptionsFrom(const ServerFlags& flags);
 v1::Capabilities CapabilitiesFrom(const ServerFlags& flags);
 WorkerPoolOptions PoolOptionsFrom(const ServerFlags& flags);
-// How workers are started. `stderr_fd`: WorkerProcessOptions.
+// The factory of workers. `stderr_fd`: see WorkerProcessOptions.
 WorkerFactory WorkersFrom(const ServerFlags& flags, int stderr_fd);
 
 }  // namespace planish

@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-// The default of an unset field is the core's own.
+// An unset field leaves the core's default.
 template <typename Proto, typename Core>
 struct Choice {
   Proto proto;

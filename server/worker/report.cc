@@ -75,7 +75,8 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   return proto;
 }
 
-// Which charts a report describes, ascending: all, or those that did not converge, then the most stretched ones.
+// The charts that a report describes, ascending: all, or, if there are too many, those that did not converge and then
+// the most stretched ones.
 std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) {
   std::vector<std::size_t> ids(charts.size());
   std::iota(ids.begin(), ids.end(), std::size_t{0});
