@@ -25,7 +25,7 @@ inline constexpr std::int64_t kMiB = std::int64_t{1} << 20;
 
 struct ServerFlags {
   std::vector<ListenAddress> listen;                  // at least one; none for a worker
-  std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
+  std::optional<HttpEndpointOptions> metrics_listen;  // empty: no metrics and probes over HTTP
 
   StoreFlags store;
   std::int64_t store_mb = 4096;          // MiB of stored meshes and UV, >= 1

@@ -16,7 +16,7 @@ namespace planish {
 // Threads for work that handlers must not do on gRPC's few threads: everything that may wait for a disk, a digest or a
 // lock. Tenants share the threads fairly: the next task is from the tenant with the fewest running tasks, and among
 // equals from the one whose last task began longest ago. If there is more than one thread, no tenant gets all of them,
-// so a tenant's first task never waits behind another tenant's tasks (no head-of-line blocking). Thread-safe.
+// so one tenant cannot block the others. Thread-safe.
 class TaskThreads {
  public:
   explicit TaskThreads(int count);
