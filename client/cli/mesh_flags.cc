@@ -190,6 +190,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.option_defaults()->group("Files");
   AddTexcoord(unwrap, arguments);
   AddOutputTexcoord(unwrap, arguments);
+  AddTextures(unwrap, arguments);
   AddPreset(unwrap, arguments);
   AddBatch(unwrap, arguments);
 
@@ -345,6 +346,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
   AddWeights(pack, arguments, "islands");
   AddTexcoord(pack, arguments);
   AddOutputTexcoord(pack, arguments);
+  AddTextures(pack, arguments);
   AddPreview(pack, arguments);
   AddJson(pack, arguments);
   AddTerminal(pack, arguments);
@@ -442,6 +444,18 @@ const char* ToString(AtlasPer per) {
       return "material";
     case AtlasPer::kGroup:
       return "group";
+  }
+  return "";
+}
+
+const char* ToString(Textures textures) {
+  switch (textures) {
+    case Textures::kTransfer:
+      return "transfer";
+    case Textures::kKeep:
+      return "keep";
+    case Textures::kDrop:
+      return "drop";
   }
   return "";
 }

@@ -36,7 +36,7 @@ class ResultCommand {
     if (!arguments_.report.empty()) CheckOutput(arguments_.report);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
-    files_.emplace(paths, arguments_, arguments_.output, arguments_.texcoord, arguments_.OutputTexcoord());
+    files_.emplace(paths, arguments_, arguments_.output, arguments_.texcoord, arguments_.output_texcoord);
   }
 
   const UnwrapFiles& files() const { return *files_; }
