@@ -18,6 +18,7 @@ namespace planish::cli {
 enum class Command {
   kUnwrap,
   kPack,
+  kTransfer,
   kCheck,
   kReport,
   kInspect,

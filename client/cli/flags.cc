@@ -151,6 +151,10 @@ void AddTextures(CLI::App& app, Arguments& arguments) {
       app, "--textures", arguments.textures.textures,
       "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
       "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
+  AddImageLimits(app, arguments);
+}
+
+void AddImageLimits(CLI::App& app, Arguments& arguments) {
   app.add_option("--memory", arguments.textures.memory_mb,
                  "Megabytes that moving one image may take at most [half of the machine's]")
       ->check(CLI::Range(1, 1 << 24).description(""))
@@ -161,7 +165,9 @@ void AddTextures(CLI::App& app, Arguments& arguments) {
 
 void AddAtlasSize(CLI::App& app, Arguments& arguments) {
   UnwrapOptions& options = arguments.options;
-  app.add_option("--texture-size", options.texture_size, "Texels per side of a tile, 16 to 65536 [1024; with images to move as many as keep their texel density]")
+  app.add_option(
+         "--texture-size", options.texture_size,
+         "Texels per side of a tile, 16 to 65536 [1024; with images to move as many as keep their texel density]")
       ->check(CLI::Range(16, 65536).description(""))
       ->type_name("N");
   app.add_option_function<int>(

@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "Eigen/Geometry"
-
 #include "client/cli/results.h"
 #include "client/cli/seams.h"
 #include "client/files/file_io.h"
@@ -421,7 +420,8 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int read_t
 }
 
 std::vector<OutputOptions> MeshInput::WithTextureSize(std::vector<OutputOptions> outputs, int size, int atlas_size,
-                                                      int padding, const std::vector<std::int32_t>& atlas_of_face) const {
+                                                      int padding,
+                                                      const std::vector<std::int32_t>& atlas_of_face) const {
   for (std::size_t p = 0; p < outputs.size(); ++p) {
     TextureOptions& textures = outputs[p].textures;
     textures.size = size;

@@ -165,9 +165,8 @@ std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result,
   std::int64_t torn = 0;
   std::atomic<bool> is_stopped = false;
   const std::stop_callback on_stop(stop, [&is_stopped] { is_stopped = true; });
-  std::vector<OutputOptions> outputs = input_.WithTextureSize(outputs_, asked_texture_size_,
-                                                              result.report.atlas.texture_size, padding_,
-                                                              atlases_.of_face);
+  std::vector<OutputOptions> outputs = input_.WithTextureSize(
+      outputs_, asked_texture_size_, result.report.atlas.texture_size, padding_, atlases_.of_face);
   for (OutputOptions& output : outputs) {
     output.textures.stop = &is_stopped;
     output.textures.on_image = on_image;

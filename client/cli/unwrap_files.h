@@ -23,8 +23,8 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
 class UnwrapFiles {
  public:
   // Reads the files, which become one mesh, and the seams, atlases and weights that `arguments` take from them; other
-  // paths in `arguments` do not matter. `output` and `output_texcoord` as for MeshInput::Outputs; empty: nothing will be
-  // written. Throws what that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the
+  // paths in `arguments` do not matter. `output` and `output_texcoord` as for MeshInput::Outputs; empty: nothing will
+  // be written. Throws what that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the
   // files do not have or that are too many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
   UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
               int texcoord, std::optional<int> output_texcoord);
@@ -38,11 +38,12 @@ class UnwrapFiles {
   // size that keeps the texel density of images that move, unless `options` give one. Throws OUTPUT_UNSUPPORTED where
   // `options` insist on double.
   UnwrapOptions Options(UnwrapOptions options) const;
-  // Writes the output with the UV of `result`, and reads it again: the quality that `result` reports becomes that of the
-  // bytes written, as `planish check` finds it. Its warnings become those of the files: in their own ids, and with what
-  // was noticed on the way. `on_image` hears of each image that is moved, before; nothing is written once `stop` is
-  // asked for. Throws FILE_UNWRITABLE, CANCELLED, and what is wrong with images.
-  std::vector<OutputFile> WriteResult(UnwrapResult& result, const std::function<void(const std::string&)>& on_image = {},
+  // Writes the output with the UV of `result`, and reads it again: the quality that `result` reports becomes that of
+  // the bytes written, as `planish check` finds it. Its warnings become those of the files: in their own ids, and with
+  // what was noticed on the way. `on_image` hears of each image that is moved, before; nothing is written once `stop`
+  // is asked for. Throws FILE_UNWRITABLE, CANCELLED, and what is wrong with images.
+  std::vector<OutputFile> WriteResult(UnwrapResult& result,
+                                      const std::function<void(const std::string&)>& on_image = {},
                                       const std::stop_token& stop = {}) const;
 
  private:

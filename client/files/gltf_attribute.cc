@@ -36,7 +36,8 @@ absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, con
       if (type == 0) continue;
       const Json& accessor = gltf.document.json["accessors"][static_cast<std::size_t>(index)];
       const bool normalized = accessor.contains("normalized") && accessor["normalized"] == true;
-      take(attribute.values.data(), attribute.value_size, static_cast<GltfComponent>(type), normalized, pool.num_vertices);
+      take(attribute.values.data(), attribute.value_size, static_cast<GltfComponent>(type), normalized,
+           pool.num_vertices);
       break;
     }
     return values;
@@ -47,7 +48,8 @@ absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, con
   return values;
 }
 
-absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive, bool* are_given) {
+absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive,
+                                                 bool* are_given) {
   PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, ReadVertexAttribute(gltf, primitive, "NORMAL", 3));
   PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions, ReadVertexAttribute(gltf, primitive, "POSITION", 3));
   *are_given = !normals.empty();

@@ -290,7 +290,8 @@ std::string DataUri(const std::string& bytes) {
   return "data:application/octet-stream;base64," + absl::Base64Escape(bytes);
 }
 
-absl::StatusOr<std::string> FileOfUri(const GltfDocument& document, const std::string& element, const std::string& uri) {
+absl::StatusOr<std::string> FileOfUri(const GltfDocument& document, const std::string& element,
+                                      const std::string& uri) {
   if (IsRelative(uri)) return Decoded(uri);
   return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
                    document.path + ": " + element + ": only data URIs and files beside this one can be read",

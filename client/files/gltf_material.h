@@ -13,11 +13,11 @@ namespace planish {
 
 // A texture as a material refers to it.
 struct GltfTextureUse {
-  std::string slot;                        // "baseColorTexture"; of extensions as well
-  std::string name;                        // of the image: its name, its file, or "image 3"
-  int texcoord = 0;                        // the set of UV that it is read with; -1: none that exists
-  bool is_normal = false;                  // a normal map: tangents belong to its UV
-  Json::json_pointer at;                   // of the textureInfo in the material
+  std::string slot;        // "baseColorTexture"; of extensions as well
+  std::string name;        // of the image: its name, its file, or "image 3"
+  int texcoord = 0;        // the set of UV that it is read with; -1: none that exists
+  bool is_normal = false;  // a normal map: tangents belong to its UV
+  Json::json_pointer at;   // of the textureInfo in the material
   std::int64_t texture = -1;
   // u' = transform[0] u + transform[1] v + transform[2], and v' likewise: KHR_texture_transform.
   std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};

@@ -53,7 +53,8 @@ bool HasAnimatedTransform(const Json& value, const std::string& material) {
     return text.starts_with(material) && text.find(kTransform) != std::string::npos;
   }
   if (!value.is_structured()) return false;
-  return std::any_of(value.begin(), value.end(), [&](const Json& child) { return HasAnimatedTransform(child, material); });
+  return std::any_of(value.begin(), value.end(),
+                     [&](const Json& child) { return HasAnimatedTransform(child, material); });
 }
 
 bool IsDirection(const GltfTextureUse& use) {
@@ -117,9 +118,8 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   for (std::int64_t m = 0; m < count; ++m) {
     std::vector<GltfTextureUse> uses = TextureUses(root_, m);
     std::erase_if(uses, [this](const GltfTextureUse& use) { return TextureSources(root_, use.texture).empty(); });
-    const bool reads = std::any_of(uses.begin(), uses.end(), [&](const GltfTextureUse& use) {
-      return use.texcoord == options.texcoord;
-    });
+    const bool reads = std::any_of(uses.begin(), uses.end(),
+                                   [&](const GltfTextureUse& use) { return use.texcoord == options.texcoord; });
     if (!reads) continue;
     const std::vector<Place> places = PlacesOf(m);
     std::map<std::int32_t, Group> by_atlas;
@@ -130,8 +130,9 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
       if (!place.triangles) continue;
       const GltfPrimitive& primitive = gltf.primitives[*place.triangles];
       had_uv |= PrimitiveJson(root_, primitive)["attributes"].contains(uv_name);
-      const std::int32_t atlas =
-          atlas_of.empty() || primitive.num_polygons == 0 ? 0 : atlas_of[static_cast<std::size_t>(primitive.first_polygon)];
+      const std::int32_t atlas = atlas_of.empty() || primitive.num_polygons == 0
+                                     ? 0
+                                     : atlas_of[static_cast<std::size_t>(primitive.first_polygon)];
       Group& group = by_atlas[atlas];
       group.material = m;
       group.atlas = atlas;
@@ -144,8 +145,7 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
     if (!had_uv) continue;
     for (auto& [atlas, group] : by_atlas) {
       for (const std::size_t primitive : group.primitives) {
-        needs_tangents_[primitive] =
-            needs_tangents_[primitive] || std::any_of(uses.begin(), uses.end(), IsDirection);
+        needs_tangents_[primitive] = needs_tangents_[primitive] || std::any_of(uses.begin(), uses.end(), IsDirection);
       }
       is_shared_.push_back(has_others || atlas != by_atlas.begin()->first);
       groups_.push_back(std::move(group));
@@ -185,8 +185,7 @@ absl::StatusOr<std::string> GltfTextures::ImageBytes(std::int64_t image) const {
   const std::string element = "images[" + std::to_string(image) + "]";
   if (json == nullptr || !json->is_object()) return GltfFault(gltf_.document, element, "there is no such image");
   if (const auto view = json->find("bufferView"); view != json->end()) {
-    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes,
-                             ViewBytes(gltf_.document, *view, element + ".bufferView"));
+    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(gltf_.document, *view, element + ".bufferView"));
     return std::string(bytes);
   }
   const auto uri = json->find("uri");
@@ -202,11 +201,11 @@ absl::Status GltfTextures::Check() const {
   for (const Group& group : groups_) {
     const std::string pointer = "/materials/" + std::to_string(group.material) + "/";
     if (root_.contains("animations") && HasAnimatedTransform(root_["animations"], pointer)) {
-      return MakeError(absl::StatusCode::kInvalidArgument, "TEXTURE_ANIMATED",
-                       options_.path + ": an animation moves the textures of material " +
-                           GltfName(root_["materials"][static_cast<std::size_t>(group.material)], "material",
-                                    group.material) +
-                           ", so they cannot become part of an atlas; --textures=keep leaves them as they are");
+      return MakeError(
+          absl::StatusCode::kInvalidArgument, "TEXTURE_ANIMATED",
+          options_.path + ": an animation moves the textures of material " +
+              GltfName(root_["materials"][static_cast<std::size_t>(group.material)], "material", group.material) +
+              ", so they cannot become part of an atlas; --textures=keep leaves them as they are");
     }
     for (const GltfTextureUse& use : group.uses) {
       for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
@@ -230,8 +229,8 @@ std::size_t GltfTextures::FindReading(const Group& group, const GltfTextureUse& 
   bake.wrap_v = WrapOf(sampler, "wrapT");
   bake.nearest = sampler != nullptr && IntAt(*sampler, "magFilter", 0) == kNearestFilter;
   bake.options = {use.meaning, use.has_alpha, use.normal_scale};
-  const Json key = {image,         group.atlas, use.texcoord,     use.transform,        bake.wrap_u, bake.wrap_v,
-                    bake.nearest,  use.meaning, use.normal_scale, bake.options.premultiplied};
+  const Json key = {image,       group.atlas,  use.texcoord, use.transform,    bake.wrap_u,
+                    bake.wrap_v, bake.nearest, use.meaning,  use.normal_scale, bake.options.premultiplied};
   const auto [found, is_new] = reading_of_key_.emplace(key.dump(), readings_.size());
   if (is_new) readings_.push_back({image, group.atlas, key.dump(), use, std::move(bake), {}, -1});
   Reading& reading = readings_[found->second];
@@ -264,8 +263,8 @@ absl::Status GltfTextures::FillTriangles(const std::vector<double>& uv,
     PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions, ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
     std::vector<float> old;
     if (use.texcoord >= 0) {
-      PLANISH_ASSIGN_OR_RETURN(
-          old, ReadVertexAttribute(gltf_, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
+      PLANISH_ASSIGN_OR_RETURN(old,
+                               ReadVertexAttribute(gltf_, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
     }
     const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
     const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
@@ -395,12 +394,11 @@ void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnin
     }
   }
   for (const auto& [material, count] : clones) {
-    warnings->push_back({"MATERIAL_CLONED",
-                         "material " +
-                             GltfName(root_["materials"][static_cast<std::size_t>(material)], "material", material) +
-                             " is there " + std::to_string(count) +
-                             (count == 1 ? " more time" : " more times") +
-                             ", as it is used in several atlases, or by lines and points"});
+    warnings->push_back(
+        {"MATERIAL_CLONED", "material " +
+                                GltfName(root_["materials"][static_cast<std::size_t>(material)], "material", material) +
+                                " is there " + std::to_string(count) + (count == 1 ? " more time" : " more times") +
+                                ", as it is used in several atlases, or by lines and points"});
   }
 }
 
@@ -458,7 +456,8 @@ void GltfTextures::WriteTextures(Json* json) {
     }
     // Charts in other tiles read the image by repeating it.
     const Json* const sampler = SamplerOf(root_, texture.old);
-    const bool repeats = WrapOf(sampler, "wrapS") == TextureWrap::kRepeat && WrapOf(sampler, "wrapT") == TextureWrap::kRepeat;
+    const bool repeats =
+        WrapOf(sampler, "wrapS") == TextureWrap::kRepeat && WrapOf(sampler, "wrapT") == TextureWrap::kRepeat;
     if (options_.textures.polygon_atlas.empty() || repeats) continue;
     Json copy = *sampler;
     copy.erase("wrapS");
@@ -522,7 +521,8 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
     for (const GltfTextureUse& use : group.uses) {
       for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
         if (ElementOf(root_, "images", source.image) != nullptr) continue;
-        return GltfFault(gltf_.document, "textures[" + std::to_string(use.texture) + "].source", "there is no such image");
+        return GltfFault(gltf_.document, "textures[" + std::to_string(use.texture) + "].source",
+                         "there is no such image");
       }
     }
     std::vector<std::size_t>& textures = texture_of_use_.emplace_back();

@@ -3,7 +3,8 @@
 // Each material that reads an image with the UV that are replaced is moved as a whole: all of its textures are drawn
 // again and read with the new UV, without KHR_texture_transform. An image becomes a new one for each way in which it is
 // read (UV set, transformation, wrap modes, colour or numbers, atlas); textures of one material that read an image in
-// the same way go on sharing it. The new images and textures take the places of the old ones that nobody reads any more.
+// the same way go on sharing it. The new images and textures take the places of the old ones that nobody reads any
+// more.
 #pragma once
 
 #include <array>

@@ -89,9 +89,9 @@ class GltfUvWriter {
       uv.insert(uv.end(), uv_.begin() + 2 * begin, uv_.begin() + 2 * end);
     }
     CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
-    const bool writes_tangents = options_.textures.mode == TextureMode::kTransfer &&
-                                 std::any_of(users.begin(), users.end(),
-                                             [this](std::size_t user) { return textures_.NeedsTangents(user); });
+    const bool writes_tangents =
+        options_.textures.mode == TextureMode::kTransfer &&
+        std::any_of(users.begin(), users.end(), [this](std::size_t user) { return textures_.NeedsTangents(user); });
     std::vector<double> tangents;  // four a vertex of the split
     if (writes_tangents) {
       PLANISH_ASSIGN_OR_RETURN(tangents, SplitByTangents(users, pool.draco.has_value(), &split));
@@ -170,14 +170,16 @@ class GltfUvWriter {
       const GltfPrimitive& primitive = gltf_.primitives[user];
       bool are_given = false;
       PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, CornerNormals(gltf_, primitive, &are_given));
-      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions, ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions,
+                               ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
       all_have_normals &= are_given;
       const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
       for (std::size_t c = 0; c < normals.size() / 3; ++c) {
         const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
         corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
         corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
-        corners.uv.push_back({static_cast<float>(uv_[2 * (first + c)]), static_cast<float>(1 - uv_[2 * (first + c) + 1])});
+        corners.uv.push_back(
+            {static_cast<float>(uv_[2 * (first + c)]), static_cast<float>(1 - uv_[2 * (first + c) + 1])});
         numbers.push_back(first + c);
       }
     }
@@ -204,7 +206,8 @@ class GltfUvWriter {
     std::vector<double> of_vertex(4 * split->source.size(), 0);
     for (std::size_t v = 0; v < split->source.size(); ++v) of_vertex[4 * v] = of_vertex[4 * v + 3] = 1;
     for (std::size_t c = 0; c < tangents.size(); ++c) {
-      for (std::size_t i = 0; i < 4; ++i) of_vertex[4 * static_cast<std::size_t>(split->corner[c]) + i] = tangents[c][i];
+      for (std::size_t i = 0; i < 4; ++i)
+        of_vertex[4 * static_cast<std::size_t>(split->corner[c]) + i] = tangents[c][i];
     }
     return of_vertex;
   }
@@ -389,8 +392,8 @@ class GltfUvWriter {
   GltfTextures textures_;
   GltfPatch patch_;
   std::vector<std::array<float, 4>> tangents_;  // per corner of the file, of the new UV; empty: none were asked for
-  std::map<std::int64_t, std::string> stale_;  // by material: the textures that no longer fit
-  std::int64_t dropped_tangents_ = 0;          // primitives
+  std::map<std::int64_t, std::string> stale_;   // by material: the textures that no longer fit
+  std::int64_t dropped_tangents_ = 0;           // primitives
 };
 
 }  // namespace

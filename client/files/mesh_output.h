@@ -85,10 +85,12 @@ std::optional<int> FreeUvSet(const MeshFile& file);
 // Paths of the material files of an OBJ and of the images that they name, from its folder.
 std::vector<std::string> FilesOfObj(const std::string& path, std::string_view obj);
 
-// The file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each with all else
-// that the file says of the polygon. In its own format everything else is kept:
+// The file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each with all
+// else that the file says of the polygon. In its own format everything else is kept:
 //
-//   OBJ     as WriteObjWithUv (mesh_file.h).
+//   OBJ     as WriteObjWithUv (mesh_file.h). OutputOptions::textures says what becomes of images: where they move,
+//   there
+//           is a new material file as well.
 //   PLY     encoding, elements, properties, comments. Where faces have a list "texcoord" it is rewritten; otherwise
 //           vertices get "s" and "t", in place of any UV they had, and those with several UV become several vertices:
 //           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others;
@@ -96,7 +98,8 @@ std::vector<std::string> FilesOfObj(const std::string& path, std::string_view ob
 //   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; all else on their lines stays.
 //   glTF    everything; TEXCOORD_n of the primitives (replaced if there), whose vertices are split like those of PLY
 //           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:
-//           renderers compute them from the new UV. A warning names textures that are read with TEXCOORD_n.
+//           renderers compute them from the new UV. OutputOptions::textures says what becomes of images that are read
+//           with TEXCOORD_n; where normal maps move, tangents of the new UV are written.
 //           Draco-compressed primitives are compressed again, without loss. One buffer; between .gltf and .glb both
 //           ways. References to images are rewritten to be valid from options.path.
 //   Draco   attributes and metadata; TEX_COORD is replaced. Points are split like the vertices of PLY. Sequential

@@ -26,7 +26,8 @@ constexpr MapKeyword kMapKeywords[] = {
 
 // How many words follow an option; those of -o, -s and -t are numbers, one to three.
 std::optional<int> WordsOfOption(std::string_view option) {
-  for (const std::string_view one : {"-blendu", "-blendv", "-boost", "-bm", "-cc", "-clamp", "-imfchan", "-texres", "-type"}) {
+  for (const std::string_view one :
+       {"-blendu", "-blendv", "-boost", "-bm", "-cc", "-clamp", "-imfchan", "-texres", "-type"}) {
     if (option == one) return 1;
   }
   if (option == "-mm") return 2;

@@ -13,10 +13,10 @@ namespace planish {
 
 // One statement that names an image, as in "map_Kd -s 2 2 1 wood.png".
 struct MtlMap {
-  std::size_t line = 0;         // in MtlFile::lines
-  std::string keyword;          // as the file spells it
-  std::string options;          // without -s, -o and -clamp: "-bm 0.5 "
-  std::string file;             // from the folder of the material file
+  std::size_t line = 0;                                   // in MtlFile::lines
+  std::string keyword;                                    // as the file spells it
+  std::string options;                                    // without -s, -o and -clamp: "-bm 0.5 "
+  std::string file;                                       // from the folder of the material file
   std::array<double, 2> scale = {1, 1}, offset = {0, 0};  // -s and -o: u' = scale u + offset, v upwards
   bool clamp = false;
   TextureMeaning meaning = TextureMeaning::kData;

@@ -108,7 +108,8 @@ std::vector<std::array<float, 3>> NormalsOfObj(const MeshFile& file) {
     for (std::int64_t c = begin; c < end; ++c) {
       const Vec3& a = mesh.positions[mesh.corner_vertex[c]];
       const Vec3& b = mesh.positions[mesh.corner_vertex[c + 1 < end ? c + 1 : begin]];
-      flat += Vec3((a.y() - b.y()) * (a.z() + b.z()), (a.z() - b.z()) * (a.x() + b.x()), (a.x() - b.x()) * (a.y() + b.y()));
+      flat +=
+          Vec3((a.y() - b.y()) * (a.z() + b.z()), (a.z() - b.z()) * (a.x() + b.x()), (a.x() - b.x()) * (a.y() + b.y()));
     }
     const double length = flat.norm();
     if (length > 0) flat /= length;
@@ -150,7 +151,8 @@ std::vector<Value> OfWrittenCorners(const PolygonMesh& mesh, const std::vector<V
       }
       ++next;
     } else {
-      result.insert(result.end(), of_corner.begin() + mesh.polygon_begin[p], of_corner.begin() + mesh.polygon_begin[p + 1]);
+      result.insert(result.end(), of_corner.begin() + mesh.polygon_begin[p],
+                    of_corner.begin() + mesh.polygon_begin[p + 1]);
     }
   }
   return result;
@@ -188,7 +190,8 @@ ObjTextures::ObjTextures(const MeshFile& file, const OutputOptions& options) : f
       names.insert(libraries_[l].mtl.materials[m].name);
     }
   }
-  std::map<std::tuple<std::string, double, double, double, double, bool, int, bool, bool, std::int32_t>, std::size_t> by_key;
+  std::map<std::tuple<std::string, double, double, double, double, bool, int, bool, bool, std::int32_t>, std::size_t>
+      by_key;
   std::set<std::int32_t> seen;
   for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
     const std::int32_t id = mesh.polygon_material[static_cast<std::size_t>(p)];
@@ -235,8 +238,8 @@ absl::Status ObjTextures::Check() const {
   return absl::OkStatus();
 }
 
-absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons, const std::vector<std::int32_t>& atlas_of_polygon,
-                                        Reading* reading) const {
+absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons,
+                                        const std::vector<std::int32_t>& atlas_of_polygon, Reading* reading) const {
   TextureBake& bake = reading->bake;
   const MtlMap& map = reading->map;
   bake.name = file_.path + ": " + reading->file;
@@ -245,7 +248,8 @@ absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons, const s
   const PolygonMesh& mesh = polygons.mesh;
   const bool has_frames = bake.options.meaning == TextureMeaning::kNormal;
   const std::vector<std::array<float, 3>> normals =
-      has_frames ? OfWrittenCorners(file_.mesh, NormalsOfObj(file_), polygons.torn) : std::vector<std::array<float, 3>>();
+      has_frames ? OfWrittenCorners(file_.mesh, NormalsOfObj(file_), polygons.torn)
+                 : std::vector<std::array<float, 3>>();
   const Triangulation triangles = Triangulate(mesh);
   std::set<std::size_t> groups(reading->groups.begin(), reading->groups.end());
   TangentCorners before, after;
@@ -279,8 +283,9 @@ absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons, const s
     const auto [known, is_first] = tile.emplace(atlas, own);
     if (!is_first && known->second != own) {
       return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
-                       options_.path + ": the charts of a material lie in several tiles, and it has one image for all of "
-                                       "them; use --tiles=1, or --textures=drop");
+                       options_.path +
+                           ": the charts of a material lie in several tiles, and it has one image for all of "
+                           "them; use --tiles=1, or --textures=drop");
     }
     for (Vec2& to : triangle.to) to -= known->second;
     bake.areas.push_back(AreaOf(position[1] - position[0], position[2] - position[0]));
@@ -331,14 +336,20 @@ std::string ObjTextures::MtlText(bool with_images) const {
           // As in the old file, but for the place of the image.
           const std::size_t at = library.mtl.lines[i].rfind(map->file);
           const std::string place =
-              old.lexically_normal().lexically_relative(fs::absolute(options_.path).lexically_normal().parent_path()).generic_string();
-          text += at == std::string::npos ? library.mtl.lines[i] + "\n" : library.mtl.lines[i].substr(0, at) + place + "\n";
+              old.lexically_normal()
+                  .lexically_relative(fs::absolute(options_.path).lexically_normal().parent_path())
+                  .generic_string();
+          text +=
+              at == std::string::npos ? library.mtl.lines[i] + "\n" : library.mtl.lines[i].substr(0, at) + place + "\n";
         } else if (with_images) {
-          text += MtlLine(*map, readings_[group->readings[static_cast<std::size_t>(map - material.maps.begin())]].new_file) + "\n";
+          text += MtlLine(*map,
+                          readings_[group->readings[static_cast<std::size_t>(map - material.maps.begin())]].new_file) +
+                  "\n";
         }
       }
     };
-    const std::size_t head = library.mtl.materials.empty() ? library.mtl.lines.size() : library.mtl.materials[0].first_line;
+    const std::size_t head =
+        library.mtl.materials.empty() ? library.mtl.lines.size() : library.mtl.materials[0].first_line;
     for (std::size_t i = 0; i < head; ++i) text += library.mtl.lines[i] + "\n";
     for (std::size_t m = 0; m < library.mtl.materials.size(); ++m) {
       bool is_grouped = false;
@@ -367,7 +378,8 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     Reading& reading = readings_[i];
     if (options_.textures.on_image) {
-      options_.textures.on_image(reading.file + ", " + std::to_string(i + 1) + " of " + std::to_string(readings_.size()));
+      options_.textures.on_image(reading.file + ", " + std::to_string(i + 1) + " of " +
+                                 std::to_string(readings_.size()));
     }
     absl::StatusOr<std::string> bytes = ImageBytes(reading);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
@@ -415,18 +427,21 @@ void ObjTextures::Drop(ObjMaterialEdit* edit, WrittenMesh* written) {
   written->files.push_back({path, MtlText(false)});
   edit->library = fs::path(path).filename().string();
   for (const Group& group : groups_) {
-    written->warnings.push_back({"TEXTURE_DROPPED", "material " + group.name + " no longer has images, which it read "
-                                                    "with the UV that were replaced"});
+    written->warnings.push_back({"TEXTURE_DROPPED", "material " + group.name +
+                                                        " no longer has images, which it read "
+                                                        "with the UV that were replaced"});
   }
 }
 
 void ObjTextures::Warn(std::vector<OutputWarning>* warnings) const {
   for (const Group& group : groups_) {
     std::string names;
-    for (const MtlMap& map : MaterialOf(group).maps) names += (names.empty() ? "" : ", ") + map.keyword + " (" + map.file + ")";
-    warnings->push_back({"TEXTURE_UV_REPLACED", "material " + group.name + " reads " + names +
-                                                    ", and the file now holds the new UV: these images no longer fit. "
-                                                    "Give -o the name of a file, so that they can be written beside it"});
+    for (const MtlMap& map : MaterialOf(group).maps)
+      names += (names.empty() ? "" : ", ") + map.keyword + " (" + map.file + ")";
+    warnings->push_back(
+        {"TEXTURE_UV_REPLACED", "material " + group.name + " reads " + names +
+                                    ", and the file now holds the new UV: these images no longer fit. "
+                                    "Give -o the name of a file, so that they can be written beside it"});
   }
 }
 

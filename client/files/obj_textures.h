@@ -46,7 +46,7 @@ class ObjTextures {
     std::int32_t id = 0;  // of the mesh
     std::int32_t atlas = 0;
     std::size_t library = 0, material = 0;
-    std::string name;  // as it is written
+    std::string name;                   // as it is written
     std::vector<std::size_t> readings;  // one a map
   };
   struct Reading {

@@ -68,7 +68,8 @@ absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBak
     const double rounded = 4 * std::ceil(std::min(wanted, 1e9) / 4 - 1e-9);
     side = std::min(kLargestAutoTexture, std::max(options.least_size, static_cast<int>(rounded)));
     if (rounded > kLargestAutoTexture) {
-      warnings->push_back({"TEXTURE_SIZE", bake.name + " would take " + std::to_string(static_cast<std::int64_t>(rounded)) +
+      warnings->push_back({"TEXTURE_SIZE", bake.name + " would take " +
+                                               std::to_string(static_cast<std::int64_t>(rounded)) +
                                                " texels per side to keep its texel density; it gets " +
                                                std::to_string(side) + " (--texture-size sets another size)"});
     }
@@ -97,10 +98,9 @@ absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBak
     how.meaning = TextureMeaning::kData;
   }
   const bool has_frames = how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection;
-  PLANISH_RETURN_IF_ERROR(baker.Draw(std::move(source), bake.triangles,
-                                     has_frames ? std::span<const CornerFrames>(bake.frames)
-                                                : std::span<const CornerFrames>(),
-                                     how, options.stop));
+  PLANISH_RETURN_IF_ERROR(baker.Draw(
+      std::move(source), bake.triangles,
+      has_frames ? std::span<const CornerFrames>(bake.frames) : std::span<const CornerFrames>(), how, options.stop));
   TextureImage result = baker.Finish();
   result.header.kind = old.kind;
   result.is_lossless = image.is_lossless;

@@ -1,5 +1,7 @@
 #include "client/texture/image.h"
 
+#include <new>
+
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
@@ -85,8 +87,8 @@ absl::Status CheckSize(const ImageHeader& header, std::string_view bytes, const 
   if (header.width > kLargestImageSide || header.height > kLargestImageSide) {
     return ImageUnsupported(name, size + "; at most " + std::to_string(kLargestImageSide) + " per side can be read");
   }
-  // Deflate makes at most 1032 bytes of one. JPEG and WebP have no such bound, but real images of that size come nowhere
-  // near: only small ones are believed.
+  // Deflate makes at most 1032 bytes of one. JPEG and WebP have no such bound, but real images of that size come
+  // nowhere near: only small ones are believed.
   constexpr std::int64_t kMostDeflated = 1032;
   constexpr std::int64_t kAlwaysBelieved = std::int64_t{4096} * 4096;
   constexpr std::int64_t kMostTexelsAByte = 1024;
@@ -132,7 +134,13 @@ absl::StatusOr<ImageHeader> ReadImageHeader(std::string_view bytes, const std::s
 absl::StatusOr<TextureImage> DecodeImage(std::string_view bytes, const std::string& name) {
   TextureImage image;
   PLANISH_ASSIGN_OR_RETURN(image.header, ReadImageHeader(bytes, name));
-  image.texels.resize(static_cast<std::size_t>(image.header.bytes()));
+  try {
+    image.texels.resize(static_cast<std::size_t>(image.header.bytes()));
+  } catch (const std::bad_alloc&) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                     name + ": not enough memory for " + std::to_string(image.header.bytes()) + " bytes",
+                     {{"image", name}});
+  }
   switch (image.header.kind) {
     case ImageKind::kPng:
       PLANISH_RETURN_IF_ERROR(texture_internal::DecodePng(bytes, name, &image));

@@ -53,7 +53,8 @@ std::optional<ImageKind> KindOfImage(std::string_view bytes);
 // larger than their bytes can be.
 absl::StatusOr<ImageHeader> ReadImageHeader(std::string_view bytes, const std::string& name);
 
-// Errors as above; images that were cut off are IMAGE_MALFORMED. Takes header.bytes() of memory and the codec's own.
+// Errors as above, and OUT_OF_MEMORY; images that were cut off are IMAGE_MALFORMED. Takes header.bytes() of memory and
+// the codec's own.
 absl::StatusOr<TextureImage> DecodeImage(std::string_view bytes, const std::string& name);
 
 // The bytes of a file of kind image.header.kind. INTERNAL if the library fails.

@@ -1,13 +1,12 @@
+#include <csetjmp>
 #include <cstddef>
 #include <cstdio>
-#include <csetjmp>
 #include <cstdlib>
 #include <cstring>
 
 // jpeglib.h needs size_t and FILE.
-#include <jpeglib.h>
-
 #include <jerror.h>
+#include <jpeglib.h>
 
 #include "client/texture/image.h"
 #include "core/base/error.h"
@@ -144,7 +143,8 @@ absl::StatusOr<ImageHeader> ReadJpegHeader(std::string_view bytes, const std::st
     return ImageUnsupported(name, "a JPEG image with CMYK colours; save it as RGB");
   }
   if (jpeg.num_components != 1 && jpeg.num_components != 3) {
-    return ImageUnsupported(name, "a JPEG image of " + std::to_string(jpeg.num_components) + " channels; save it as RGB");
+    return ImageUnsupported(name,
+                            "a JPEG image of " + std::to_string(jpeg.num_components) + " channels; save it as RGB");
   }
   ImageHeader header;
   header.width = static_cast<int>(jpeg.image_width);

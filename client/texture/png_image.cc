@@ -120,7 +120,8 @@ class PngWriter {
     png_write_info(png_, info_);
     if (std::endian::native == std::endian::little) png_set_swap(png_);
     const std::size_t row = static_cast<std::size_t>(header.width) * header.channels * (header.bits / 8);
-    for (int y = 0; y < header.height; ++y) png_write_row(png_, image.texels.data() + static_cast<std::size_t>(y) * row);
+    for (int y = 0; y < header.height; ++y)
+      png_write_row(png_, image.texels.data() + static_cast<std::size_t>(y) * row);
     png_write_end(png_, nullptr);
     return true;
   }

@@ -45,7 +45,8 @@ std::vector<std::array<float, 4>> ComputeTangents(const TangentCorners& corners)
   calls.m_getTexCoord = [](const SMikkTSpaceContext* context, float* out, int face, int vertex) {
     CopyFinite(WorkOf(context).corners.uv[CornerOf(face, vertex)], out);
   };
-  calls.m_setTSpaceBasic = [](const SMikkTSpaceContext* context, const float* tangent, float sign, int face, int vertex) {
+  calls.m_setTSpaceBasic = [](const SMikkTSpaceContext* context, const float* tangent, float sign, int face,
+                              int vertex) {
     std::array<float, 4>& out = WorkOf(context).tangents[CornerOf(face, vertex)];
     const float length = std::hypot(tangent[0], tangent[1], tangent[2]);
     // Corners without area in the map get none: anything of length 1 will do.

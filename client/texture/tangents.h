@@ -15,8 +15,9 @@ struct TangentCorners {
   std::vector<std::array<float, 2>> uv;
 };
 
-// Per corner x, y, z of the tangent, of length 1, and the sign of the bitangent. Corners that are alike in all three have
-// the same tangent if their triangles are joined and turn the same way in the map. Values that are not finite count as 0.
+// Per corner x, y, z of the tangent, of length 1, and the sign of the bitangent. Corners that are alike in all three
+// have the same tangent if their triangles are joined and turn the same way in the map. Values that are not finite
+// count as 0.
 std::vector<std::array<float, 4>> ComputeTangents(const TangentCorners& corners);
 
 }  // namespace planish

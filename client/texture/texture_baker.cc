@@ -8,10 +8,10 @@
 #include <unordered_map>
 #include <utility>
 
+#include "Eigen/Geometry"
 #include "client/texture/texture_levels.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
-#include "Eigen/Geometry"
 
 namespace planish {
 namespace {
@@ -29,8 +29,8 @@ constexpr double kMostMinorSamples = 4;
 constexpr double kMostMajorSamples = 64;
 // Old texels beyond the edge of a chart that a sample may be.
 constexpr double kOverhang = 0.5;
-// Old texels a new texel below which the interpolation is linear; it is cubic at 1, and linear again from 2 on, where the
-// mean over the footprint decides.
+// Old texels a new texel below which the interpolation is linear; it is cubic at 1, and linear again from 2 on, where
+// the mean over the footprint decides.
 constexpr double kLinearBelow = 0.5;
 // UV beyond this say nothing: floats of that size have no fraction.
 constexpr double kLargestUv = 1e6;
@@ -94,7 +94,7 @@ struct Footprint {
   double area = 0;                // twice, positive
   bool flipped = false;
 
-  Vec2 origin = Vec2(0, 0);  // old texels at to[0]
+  Vec2 origin = Vec2(0, 0);                         // old texels at to[0]
   Vec2 along_x = Vec2(0, 0), along_y = Vec2(0, 0);  // old texels a new texel
   int level = 0;
   double level_scale = 1;
@@ -180,13 +180,15 @@ struct BandTexels {
   std::vector<float> distance;      // squared, to the owner
 };
 
-double SquaredDistance(const Footprint& footprint, const Vec2& p) {
-  double nearest = std::numeric_limits<double>::infinity();
+// The point of the triangle's border that is nearest to `p`.
+Vec2 NearestOnBorder(const Footprint& footprint, const Vec2& p) {
+  Vec2 nearest = footprint.to[0];
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec2& a = footprint.to[k];
     const Vec2 d = footprint.to[(k + 1) % 3] - a;
     const double along = std::clamp((p - a).dot(d) / d.squaredNorm(), 0.0, 1.0);
-    nearest = std::min(nearest, (a + along * d - p).squaredNorm());
+    const Vec2 point = a + along * d;
+    if ((point - p).squaredNorm() < (nearest - p).squaredNorm()) nearest = point;
   }
   return nearest;
 }
@@ -243,7 +245,7 @@ class TextureDrawing {
         is_ready[own] = true;
       }
       const Vec2 p(static_cast<double>(i % width) + 0.5, first_row + static_cast<double>(i / width) + 0.5);
-      Rgba value = Mean(footprint, p);
+      Rgba value = Mean(footprint, rank == 2 ? p : Near(footprint, p));
       if (!frames_.empty()) value = InNewFrame(footprint, t, p, value);
       Store(value, image->texels.data() + at * texel_bytes);
       (*drawn)[at] = rank;
@@ -281,7 +283,7 @@ class TextureDrawing {
         double outside = 0;
         for (const HalfPlane& edge : footprint.edge) outside = std::max(outside, edge.normal.dot(p) - edge.offset);
         if (outside * outside >= texels->distance[i]) continue;
-        const auto distance = static_cast<float>(outside > 0 ? SquaredDistance(footprint, p) : 0.0);
+        const auto distance = static_cast<float>(outside > 0 ? (NearestOnBorder(footprint, p) - p).squaredNorm() : 0.0);
         if (distance >= texels->distance[i]) continue;
         texels->distance[i] = distance;
         texels->owner[i] = id;
@@ -344,6 +346,13 @@ class TextureDrawing {
     }
   }
 
+  // A point beside the triangle, no farther from it than kOverhang in old texels.
+  static Vec2 Near(const Footprint& footprint, const Vec2& p) {
+    const Vec2 border = NearestOnBorder(footprint, p), beyond = p - border;
+    const double old = (beyond.x() * footprint.along_x + beyond.y() * footprint.along_y).norm();
+    return old > kOverhang ? Vec2(border + beyond * (kOverhang / old)) : p;
+  }
+
   Rgba Mean(const Footprint& footprint, const Vec2& p) const {
     const TextureLevel<Texel>& level = levels_.level(footprint.level);
     const double scale_x = static_cast<double>(level.width) / source_.image->header.width;
@@ -388,7 +397,8 @@ class TextureDrawing {
     }
     const bool is_normal = options_.meaning == TextureMeaning::kNormal;
     const double scale = is_normal ? options_.normal_scale : 1;
-    const double x = (2.0 * value[0] - 1) * scale, y = (2.0 * value[1] - 1) * scale, z = is_normal ? 2.0 * value[2] - 1 : 0;
+    const double x = (2.0 * value[0] - 1) * scale, y = (2.0 * value[1] - 1) * scale,
+                 z = is_normal ? 2.0 * value[2] - 1 : 0;
     const Vec3 direction = x * from + y * from_sign * normal.cross(from) + z * normal;
     const Vec3 bitangent = to_sign * normal.cross(to);
     Vec3 c(direction.dot(bitangent.cross(normal)), direction.dot(normal.cross(to)), direction.dot(to.cross(bitangent)));
@@ -396,8 +406,9 @@ class TextureDrawing {
     if (!c.allFinite()) c = Vec3(x, y, z);
     if (!is_normal) {
       const double length = std::hypot(c.x(), c.y());
-      if (length > 0) value = Rgba{static_cast<float>(0.5 + 0.5 * c.x() / length),
-                                   static_cast<float>(0.5 + 0.5 * c.y() / length), value[2], value[3]};
+      if (length > 0)
+        value = Rgba{static_cast<float>(0.5 + 0.5 * c.x() / length), static_cast<float>(0.5 + 0.5 * c.y() / length),
+                     value[2], value[3]};
       return value;
     }
     if (scale != 0) c = Vec3(c.x() / scale, c.y() / scale, c.z());
@@ -514,7 +525,8 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
         for (int k = 0; k < 4; ++k) {
           const int i = 2 * x + k % 2, j = 2 * y + k / 2;
           if (i >= width || j >= height) continue;
-          const std::size_t at = static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i);
+          const std::size_t at =
+              static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i);
           if (!has[at]) continue;
           ++found;
           for (std::size_t c = 0; c < channels; ++c) sum[c] += values[at * channels + c];
@@ -538,12 +550,14 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
   const auto fill = [&](int width, int height, const FillLevel& from, const auto& has, auto* values) {
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
-        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+        const std::size_t at =
+            static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
         if (has[at]) continue;
         const std::size_t source =
             static_cast<std::size_t>(y / 2) * static_cast<std::size_t>(from.width) + static_cast<std::size_t>(x / 2);
         for (std::size_t c = 0; c < channels; ++c) {
-          values[at * channels + c] = static_cast<std::decay_t<decltype(values[0])>>(from.values[source * channels + c]);
+          values[at * channels + c] =
+              static_cast<std::decay_t<decltype(values[0])>>(from.values[source * channels + c]);
         }
       }
     }

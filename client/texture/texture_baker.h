@@ -55,10 +55,10 @@ struct BakeOptions {
 //
 // The affine map of each triangle between both maps gives the exact footprint of a texel in the old image. Along each
 // principal axis of that map, of singular value s (old texels a new texel), the image is averaged over
-// sqrt(max(0, s^2 - 1)) old texels: together with the texel's own width a box of variance s^2. Samples are one old texel
-// apart or closer, in a mipmap where the smaller s is above kMostMinorSamples. Each sample is interpolated by the cubic
-// of Catmull and Rom, so that the image stays as sharp as it was; where the new map is denser, or half as dense, the
-// interpolation becomes linear, as renderers draw the old image.
+// sqrt(max(0, s^2 - 1)) old texels: together with the texel's own width a box of variance s^2. Samples are one old
+// texel apart or closer, in a mipmap where the smaller s is above kMostMinorSamples. Each sample is interpolated by the
+// cubic of Catmull and Rom, so that the image stays as sharp as it was; where the new map is denser, or half as dense,
+// the interpolation becomes linear, as renderers draw the old image.
 //
 // Texels beside a chart, up to kRing away, are drawn from the nearest triangle. Samples do not go farther than half an
 // old texel beyond an edge at which either map is cut: what lies there belongs to something else.

@@ -66,7 +66,8 @@ TextureLevels<Texel>::TextureLevels(const TextureSource& source, bool srgb, bool
   for (std::size_t i = 0; i < linear.size(); ++i) {
     const double value = static_cast<double>(i) / most;
     plain[i] = static_cast<float>(scale * value);
-    linear[i] = srgb ? static_cast<float>(scale * (header.bits == 8 ? LinearOfSrgb8()[i] : LinearOfSrgb(value))) : plain[i];
+    linear[i] =
+        srgb ? static_cast<float>(scale * (header.bits == 8 ? LinearOfSrgb8()[i] : LinearOfSrgb(value))) : plain[i];
   }
   const int channels = header.channels;
   const bool has_alpha = header.has_alpha();

@@ -1,8 +1,7 @@
 #include "client/texture/image.h"
 
-#include <png.h>
-
-#include <cstring>
+#include <cmath>
+#include <cstdint>
 #include <random>
 
 #include "core/base/error.h"

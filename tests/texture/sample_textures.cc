@@ -57,8 +57,8 @@ TextureImage SmoothTexture(int width, int height, double cycles, std::uint32_t s
     for (int i = 0; i < 6; ++i) {
       // Whole waves, so that the image tiles.
       const double angle = 2 * std::numbers::pi * Uniform(&random), f = cycles * std::sqrt(Uniform(&random));
-      list.push_back({std::trunc(f * std::cos(angle) * width) / width, std::trunc(f * std::sin(angle) * height) / height,
-                      2 * std::numbers::pi * Uniform(&random)});
+      list.push_back({std::trunc(f * std::cos(angle) * width) / width,
+                      std::trunc(f * std::sin(angle) * height) / height, 2 * std::numbers::pi * Uniform(&random)});
     }
   }
   return MakeTexture(width, height, channels, bits, [&](double x, double y, int c) {
