@@ -35,7 +35,7 @@ inline ExitCode ExitCodeOf(const Error& error) {
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
 int RunBatch(const Arguments& arguments, Interrupts& interrupts);   // unwrap of several files
 int RunPack(const Arguments& arguments, Interrupts& interrupts);    // asks no server
-int RunTransfer(const Arguments& arguments);                        // asks no server
+int RunTransfer(const Arguments& arguments, Interrupts& interrupts);  // asks no server
 int RunCheck(const Arguments& arguments, Interrupts& interrupts);   // asks no server
 int RunReport(const Arguments& arguments, Interrupts& interrupts);  // asks no server
 int RunInspect(const Arguments& arguments);                         // asks no server

@@ -21,7 +21,7 @@ int Run(const Arguments& arguments) {
       case Command::kPack:
         return RunPack(arguments, interrupts);
       case Command::kTransfer:
-        return RunTransfer(arguments);
+        return RunTransfer(arguments, interrupts);
       case Command::kCheck:
         return RunCheck(arguments, interrupts);
       case Command::kReport:

@@ -49,8 +49,8 @@ std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) 
   return {places, first};
 }
 
-// For each corner of `to`'s faces the UV that `from` has there, 6 numbers a face. Faces that are there several times are
-// paired in their order. Throws SURFACES_DIFFER.
+// For each corner of `to`'s faces the UV that `from` has there, 6 numbers a face. Faces that are there several times
+// are paired in their order. Throws SURFACES_DIFFER.
 std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from) {
   struct Faces {
     std::vector<std::size_t> list;
@@ -58,7 +58,8 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
   };
   std::unordered_map<PlacesOfFace, Faces, HashOfPlaces> faces;
   const Mesh& source = from.mesh();
-  for (std::size_t f = 0; f < source.faces.size(); ++f) faces[FromLeastPlace(source, source.faces[f]).first].list.push_back(f);
+  for (std::size_t f = 0; f < source.faces.size(); ++f)
+    faces[FromLeastPlace(source, source.faces[f]).first].list.push_back(f);
   const std::vector<double> uv = from.CornerUv();
   const Mesh& mesh = to.mesh();
   std::vector<double> result(6 * mesh.faces.size());
@@ -91,23 +92,29 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
   return result;
 }
 
-int TransferFile(const Arguments& arguments, const Timer& timer) {
+int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   const MeshInput from({arguments.input}, 0);
   const MeshInput to(arguments.more_inputs, arguments.texcoord);
   if (to.CornerTexcoords().empty()) {
     throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are what it is read for");
   }
-  const std::vector<OutputOptions> outputs = from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
+  const std::vector<OutputOptions> outputs =
+      from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
   std::vector<OutputOptions> sized =
       from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
   if (arguments.verbose) {
-    sized.front().textures.on_image = [](const std::string& image) { std::cerr << "image " + Printable(image, true) + "\n"; };
+    sized.front().textures.on_image = [](const std::string& image) {
+      std::cerr << "Moving image " + Printable(image, true) + "\n";
+    };
   }
   const WrittenMesh written = from.WithUv(uv, sized);
+  interrupts.SetCancel([] {});  // all files or none
   for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+  interrupts.SetCancel({});
+  interrupts.LeaveIfInterrupted();
   if (!arguments.quiet) {
     for (const OutputWarning& warning : written.warnings) {
       std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
@@ -132,8 +139,8 @@ int TransferFile(const Arguments& arguments, const Timer& timer) {
 
 }  // namespace
 
-int RunTransfer(const Arguments& arguments) {
-  return TransferFile(arguments, Timer());
+int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
+  return TransferFile(arguments, interrupts, Timer());
 }
 
 }  // namespace planish::cli

@@ -117,10 +117,11 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   const std::vector<std::int32_t>& atlas_of = options.textures.polygon_atlas;
   for (std::int64_t m = 0; m < count; ++m) {
     std::vector<GltfTextureUse> uses = TextureUses(root_, m);
-    std::erase_if(uses, [this](const GltfTextureUse& use) { return TextureSources(root_, use.texture).empty(); });
-    const bool reads = std::any_of(uses.begin(), uses.end(),
-                                   [&](const GltfTextureUse& use) { return use.texcoord == options.texcoord; });
-    if (!reads) continue;
+    // Those that are read with other sets of UV still fit.
+    std::erase_if(uses, [&](const GltfTextureUse& use) {
+      return use.texcoord != options.texcoord || TextureSources(root_, use.texture).empty();
+    });
+    if (uses.empty()) continue;
     const std::vector<Place> places = PlacesOf(m);
     std::map<std::int32_t, Group> by_atlas;
     bool had_uv = false;
@@ -541,7 +542,6 @@ void GltfTextures::Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) 
     Json& material = patch->json()["materials"][static_cast<std::size_t>(group.material)];
     std::string names;
     for (const GltfTextureUse& use : group.uses) {
-      if (use.texcoord != options_.texcoord) continue;
       material[use.at.parent_pointer()].erase(use.at.back());
       names += (names.empty() ? "" : ", ") + use.slot + " (" + use.name + ")";
     }

@@ -1,9 +1,9 @@
 // The images of a glTF, moved to its new map. Used inside client/files only.
 //
-// Each material that reads an image with the UV that are replaced is moved as a whole: all of its textures are drawn
-// again and read with the new UV, without KHR_texture_transform. An image becomes a new one for each way in which it is
-// read (UV set, transformation, wrap modes, colour or numbers, atlas); textures of one material that read an image in
-// the same way go on sharing it. The new images and textures take the places of the old ones that nobody reads any
+// The textures that materials read with the UV that are replaced are drawn again and read with the new UV, without
+// KHR_texture_transform; those that are read with other sets of UV stay. An image becomes a new one for each way in
+// which it is read (transformation, wrap modes, colour or numbers, atlas); textures that read an image in the same way
+// go on sharing it. The new images and textures take the places of the old ones that nobody reads any
 // more.
 #pragma once
 

@@ -2,7 +2,9 @@
 #include <atomic>
 #include <cmath>
 #include <filesystem>
+#include <iomanip>
 #include <random>
+#include <sstream>
 
 #include "client/files/gltf_accessor.h"
 #include "client/files/gltf_attribute.h"
@@ -13,6 +15,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"
+#include "tests/testing/process.h"
 #include "tests/texture/sample_textures.h"
 
 namespace planish {
@@ -64,8 +67,12 @@ struct Sheet {
     const int vertices = (n + 1) * (n + 1);
     json["asset"]["version"] = "2.0";
     json["accessors"] = Json::array(
-        {{{"bufferView", add(positions)}, {"componentType", 5126}, {"count", vertices}, {"type", "VEC3"},
-          {"min", {0, 0, 0}}, {"max", {1, 1, 0}}},
+        {{{"bufferView", add(positions)},
+          {"componentType", 5126},
+          {"count", vertices},
+          {"type", "VEC3"},
+          {"min", {0, 0, 0}},
+          {"max", {1, 1, 0}}},
          {{"bufferView", add(normals)}, {"componentType", 5126}, {"count", vertices}, {"type", "VEC3"}},
          {{"bufferView", add(uv)}, {"componentType", 5126}, {"count", vertices}, {"type", "VEC2"}},
          {{"bufferView", add(indices)}, {"componentType", 5123}, {"count", 6 * n * n}, {"type", "SCALAR"}}});
@@ -117,7 +124,8 @@ struct Moved {
   std::vector<OutputFile> files;
 };
 
-Moved Move(const MeshFile& file, const std::vector<double>& uv, TextureOptions textures, const std::string& name = "out.glb") {
+Moved Move(const MeshFile& file, const std::vector<double>& uv, TextureOptions textures,
+           const std::string& name = "out.glb") {
   OutputOptions options;
   options.path = TemporaryPath(name);
   options.format = *FormatOfPath(name);
@@ -147,7 +155,8 @@ TextureImage ImageOf(const MeshFile& file, std::size_t image) {
 }
 
 // Triangles from the first file's UV to the second's; v downwards.
-std::vector<TextureTriangle> Pairs(const MeshFile& before, const MeshFile& after, const std::array<double, 6>& m = {1, 0, 0, 0, 1, 0}) {
+std::vector<TextureTriangle> Pairs(const MeshFile& before, const MeshFile& after,
+                                   const std::array<double, 6>& m = {1, 0, 0, 0, 1, 0}) {
   std::vector<TextureTriangle> triangles(static_cast<std::size_t>(before.mesh.num_polygons()));
   for (std::size_t c = 0; c < before.mesh.corner_vertex.size(); ++c) {
     const auto at = [c](const PolygonMesh& mesh) {
@@ -155,7 +164,8 @@ std::vector<TextureTriangle> Pairs(const MeshFile& before, const MeshFile& after
       return Vec2(uv.x(), 1 - uv.y());
     };
     const Vec2 from = at(before.mesh);
-    triangles[c / 3].from[c % 3] = Vec2(m[0] * from.x() + m[1] * from.y() + m[2], m[3] * from.x() + m[4] * from.y() + m[5]);
+    triangles[c / 3].from[c % 3] =
+        Vec2(m[0] * from.x() + m[1] * from.y() + m[2], m[3] * from.x() + m[4] * from.y() + m[5]);
     triangles[c / 3].to[c % 3] = at(after.mesh);
   }
   return triangles;
@@ -200,8 +210,7 @@ TEST(GltfTextures, SlotsThatShareAnImageGoOnSharingItAndOthersGetTheirOwn) {
   material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {{"index", 1}};
   material["occlusionTexture"] = {{"index", 1}};
   material["emissiveTexture"] = {{"index", 1}};  // the same image as colours
-  const MeshFile file =
-      Sheet(2, {SmoothTexture(32, 32, 0.1, 1), SmoothTexture(64, 64, 0.1, 2)}, material).File();
+  const MeshFile file = Sheet(2, {SmoothTexture(32, 32, 0.1, 1), SmoothTexture(64, 64, 0.1, 2)}, material).File();
   const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), {});
   const Json& after = moved.file.gltf->document.json;
   EXPECT_THAT(after["images"], SizeIs(3)) << after;
@@ -222,7 +231,8 @@ TEST(GltfTextures, LinesKeepTheOldMaterialAndAtlasesGetTheirOwn) {
   const std::vector<double> one = Turned(file.mesh, 2, 0.2, 0.6);
   TextureOptions options;
   options.polygon_atlas.resize(static_cast<std::size_t>(file.mesh.num_polygons()), 0);
-  for (std::size_t p = options.polygon_atlas.size() / 2; p < options.polygon_atlas.size(); ++p) options.polygon_atlas[p] = 1;
+  for (std::size_t p = options.polygon_atlas.size() / 2; p < options.polygon_atlas.size(); ++p)
+    options.polygon_atlas[p] = 1;
   const Moved moved = Move(file, one, options);
   const Json& after = moved.file.gltf->document.json;
   ASSERT_THAT(after["materials"], SizeIs(3)) << after;
@@ -257,8 +267,9 @@ std::vector<Vec3> ShownNormals(const MeshFile& file, const TextureImage& image, 
     }
     const std::vector<double> rgb = Shown(image, uv);
     const Vec3 n(0, 0, 1), bitangent = sign * Vec3(-tangent.y(), tangent.x(), 0);
-    result.push_back(((2 * rgb[0] / 255 - 1) * tangent + (2 * rgb[1] / 255 - 1) * bitangent + (2 * rgb[2] / 255 - 1) * n)
-                         .normalized());
+    result.push_back(
+        ((2 * rgb[0] / 255 - 1) * tangent + (2 * rgb[1] / 255 - 1) * bitangent + (2 * rgb[2] / 255 - 1) * n)
+            .normalized());
   }
   return result;
 }
@@ -274,7 +285,8 @@ TEST(GltfTextures, NormalMapsShowTheSameDirections) {
   // Once with UV as they are, for tangents of the first map; then turned.
   std::vector<double> same;
   for (const std::int32_t v : file.mesh.corner_vertex) {
-    same.insert(same.end(), {file.mesh.positions[static_cast<std::size_t>(v)].x(), file.mesh.positions[static_cast<std::size_t>(v)].y()});
+    same.insert(same.end(), {file.mesh.positions[static_cast<std::size_t>(v)].x(),
+                             file.mesh.positions[static_cast<std::size_t>(v)].y()});
   }
   TextureOptions as_large;
   as_large.size = 256;
@@ -292,6 +304,18 @@ TEST(GltfTextures, NormalMapsShowTheSameDirections) {
     EXPECT_LE(mean, 2);
     EXPECT_LE(own, 0.5);
   }
+}
+
+TEST(GltfTextures, WhatIsReadWithOtherUvStays) {
+  Json material = kColored;
+  material["occlusionTexture"] = {{"index", 1}, {"texCoord", 1}};
+  Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1), SmoothTexture(16, 16, 0.1, 2)}, material);
+  sheet.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = 2;
+  const MeshFile file = sheet.File();
+  const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), {});
+  EXPECT_EQ(moved.file.gltf->document.json["materials"], file.gltf->document.json["materials"]);
+  EXPECT_EQ(ImageOf(moved.file, 1).texels, ImageOf(file, 1).texels);
+  EXPECT_NE(ImageOf(moved.file, 0).texels, ImageOf(file, 0).texels);
 }
 
 TEST(GltfTextures, DropRemovesTheReferences) {
@@ -341,15 +365,16 @@ TEST(GltfTextures, MemoryBeyondTheLimitIsRefused) {
   const std::atomic<bool> stop = true;
   options.textures.memory = 0;
   options.textures.stop = &stop;
-  EXPECT_EQ(WriteMeshWithUv(file, Turned(file.mesh, 2, 0.2, 0.6), options).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(WriteMeshWithUv(file, Turned(file.mesh, 2, 0.2, 0.6), options).status().code(),
+            absl::StatusCode::kCancelled);
 }
 
 TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
   const TextureImage image = SmoothTexture(128, 128, 0.1, 1);
   PutFile(TemporaryPath("my wood.png"), Png(image));
   const std::string old_mtl =
-          "# made by hand\nnewmtl wood\nKd 1 1 1\nmap_Kd -s 2 3 1 -bm 0.5 -o 0.25 0.1 0 my wood.png\nmap_Ks my wood.png\n"
-          "newmtl plain\nKd 1 0 0\n";
+      "# made by hand\nnewmtl wood\nKd 1 1 1\nmap_Kd -s 2 3 1 -bm 0.5 -o 0.25 0.1 0 my wood.png\nmap_Ks my wood.png\n"
+      "newmtl plain\nKd 1 0 0\n";
   PutFile(TemporaryPath("in.mtl"), old_mtl);
   const std::string obj =
       "mtllib in.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl wood\nf 1/1 2/2 3/3 "
@@ -358,7 +383,8 @@ TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
   ASSERT_TRUE(file.ok()) << file.status();
   EXPECT_THAT(FilesOfObj(TemporaryPath("in.obj"), obj), ::testing::ElementsAre("in.mtl", "my wood.png"));
   std::vector<double> uv;
-  for (const Vec2& p : {Vec2(0.2, 0.1), Vec2(0.8, 0.3), Vec2(0.6, 0.9), Vec2(0, 0.7)}) uv.insert(uv.end(), {p.x(), p.y()});
+  for (const Vec2& p : {Vec2(0.2, 0.1), Vec2(0.8, 0.3), Vec2(0.6, 0.9), Vec2(0, 0.7)})
+    uv.insert(uv.end(), {p.x(), p.y()});
   const Moved moved = Move(*file, uv, {}, "out.obj");
   ASSERT_THAT(moved.files, SizeIs(4));
   EXPECT_THAT(moved.file.bytes, HasSubstr("mtllib out.mtl\n"));
@@ -377,6 +403,40 @@ TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
   const Difference difference = Compare(image, *after, triangles, 5000);
   EXPECT_LE(difference.mean, 2.5);
   EXPECT_EQ(ReadFile(TemporaryPath("in.mtl")), old_mtl) << "the original stays";
+}
+
+TEST(TransferCommand, TakesTheMapOfAFileWhoseTrianglesAreInAnotherOrder) {
+  const TextureImage image = SmoothTexture(128, 128, 0.1, 1);
+  const MeshFile from = Sheet(4, {image}, kColored).File();
+  const std::string in = TemporaryPath("from.glb"), to = TemporaryPath("to.obj"), out = TemporaryPath("out.glb");
+  PutFile(in, from.bytes);
+  const std::vector<double> uv = Turned(from.mesh, 4, 0.5, 0.6);
+  std::string obj;
+  const std::int64_t faces = from.mesh.num_polygons();
+  for (std::int64_t f = faces; f-- > 0;) {
+    for (const std::int64_t c : {3 * f + 1, 3 * f + 2, 3 * f}) {
+      const Vec3& p =
+          from.mesh.positions[static_cast<std::size_t>(from.mesh.corner_vertex[static_cast<std::size_t>(c)])];
+      std::ostringstream text;
+      text << std::setprecision(17) << "v " << p.x() << " " << p.y() << " " << p.z() << "\nvt "
+           << uv[static_cast<std::size_t>(2 * c)] << " " << uv[static_cast<std::size_t>(2 * c + 1)] << "\n";
+      obj += text.str();
+    }
+    obj += "f -3/-3 -2/-2 -1/-1\n";
+  }
+  PutFile(to, obj);
+  const std::string command = std::string(PLANISH_COMMAND) + " transfer '" + in + "' '" + to + "' -o '" + out + "'";
+  const Outcome done = RunShell(command);
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const absl::StatusOr<MeshFile> after = ReadMeshFile(out);
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_LE(Compare(image, ImageOf(*after, 0), Pairs(from, *after), 20000).mean, 2);
+  PutFile(to, obj + "v 5 5 5\nf -1 -2 -3\n");
+  EXPECT_EQ(RunShell(command).exit_code, 0) << "more triangles than are asked for";
+  PutFile(to, obj.substr(0, obj.size() - 20));
+  const Outcome differs = RunShell(command);
+  EXPECT_EQ(differs.exit_code, 1);
+  EXPECT_THAT(differs.err, HasSubstr("SURFACES_DIFFER"));
 }
 
 }  // namespace
