@@ -476,7 +476,8 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
   const auto uri = old.find("uri");
   const bool is_file = uri != old.end() && uri->is_string() && !IsDataUri(uri->get_ref<const std::string&>());
   if (is_file && options_.path != "-") {
-    const std::string path = names->Next(uri->get<std::string>(), kind);
+    const absl::StatusOr<std::string> name = FileOfUri(gltf_.document, "", uri->get<std::string>());
+    const std::string path = names->Next(name.ok() ? *name : "image", kind);
     image["uri"] = UriOfFileName(std::filesystem::path(path).filename().string());
     image.erase("bufferView");
     written->files.push_back({path, std::move(bytes)});
