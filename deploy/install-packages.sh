@@ -12,7 +12,7 @@ build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libopenmesh-dev libdraco-dev libmeshoptimizer-dev
-  libpng-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
+  libpng-dev libjpeg62-turbo-dev libwebp-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
   libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev
   libutf8proc-dev"
 
@@ -39,7 +39,7 @@ packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
 # For the installed programs. `planish` needs the certificates for servers whose certificate is from a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
-  libpng16-16 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
+  libpng16-16 libjpeg62-turbo libwebp7 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 libutf8proc2 ca-certificates"
 
 fail() {

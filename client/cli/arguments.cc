@@ -250,7 +250,7 @@ std::string CheckTogether(Arguments& arguments) {
            (streams == 1 ? "; --texcoord=all reads a file once for each set of UV" : "");
   }
   const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
-  if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
+  if (arguments.texcoord > 0 && !judges_several && arguments.command != Command::kTransfer && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
       !IsStream(arguments.input) && !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
@@ -300,6 +300,9 @@ std::string CheckTogether(Arguments& arguments) {
       }
       return "";
     }
+    case Command::kTransfer:
+      if (arguments.output.empty()) return "where should the result go? " + OutputExample("transfer", arguments.input);
+      return "";
     case Command::kEstimate:
       if (arguments.input.empty() == (arguments.triangles == 0)) {
         return "estimate what? Give a mesh file, or --triangles=N";
