@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -74,6 +75,11 @@ class Segmentation {
   std::optional<Joined> Join(const Joint& joint);
   // The last Join() of these two charts.
   void UndoJoin(const Joined& joined);
+  // Moves the border of two charts, or a slit of one (`chart` twice): half-edges `from` are glued, `to` become seams.
+  // Nothing happens, and it returns false, unless that leaves as many discs, none of whose outlines opens wider than
+  // AtlasTuning::widest where they have changed. With `from` and `to` exchanged it puts everything back.
+  bool MoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                std::span<const HalfedgeHandle> to);
   // Closes the gaps in the numbers that empty charts leave. The order stays.
   void DropEmpty();
 
@@ -82,6 +88,9 @@ class Segmentation {
 
  private:
   void CollectFaces();
+  void PrepareScratch();
+  bool Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+             std::span<const HalfedgeHandle> to);
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
   const Surface& surface_;

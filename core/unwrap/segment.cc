@@ -115,8 +115,14 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
   return false;
 }
 
+// Of charts as they are merged first: ImproveSeams() goes on from these.
+double FirstStretch(const UnwrapOptions& options) {
+  const double most = options.MaxStretch();
+  return options.seams.prefer == SeamPreference::kSeams ? std::min(most, options.tuning.seams_first_stretch) : most;
+}
+
 // What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
-constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kRefineShare = 0.92;
+constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
@@ -126,7 +132,7 @@ void RejoinCharts(const Job& job, Charts* charts) {
   if (pairs.empty()) return;
   auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   const Execution silent = job.execution.Part(kSegmentShare, kSegmentShare);  // there is little to do
-  Segmentation after(*surface, before, job.options.MaxStretch(), silent);
+  Segmentation after(*surface, before, FirstStretch(job.options), silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
 }
@@ -240,7 +246,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                              job->options.MaxStretch(), job->execution.Part(kSurfaceShare, kSegmentShare),
+                              FirstStretch(job->options), job->execution.Part(kSurfaceShare, kSegmentShare),
                               TuningOf(job->options));
   if (by_stretch) RejoinCharts(*job, &charts);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -252,10 +258,15 @@ absl::StatusOr<Charts> Segment(Job* job) {
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
-    const Execution refining = job->execution.Part(kSegmentShare, kRefineShare);
+    const bool by_seams = seams.prefer == SeamPreference::kSeams;
+    if (by_seams) {
+      const Execution improving = job->execution.Part(kSegmentShare, kImproveShare);
+      PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
+    }
+    const Execution refining = job->execution.Part(by_seams ? kImproveShare : kSegmentShare, kRefineShare);
     PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts));
     refining.Report(1);
-    PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
+    if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.

@@ -2,6 +2,7 @@
 // announces itself to the caller and measures its time.
 //
 //   Segment()               a mesh            -> Charts: a surface, cut into discs, each in the solver's arrays
+//     ImproveSeams()        estimates of maps -> discs that are glued, and borders that are moved
 //     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
 //     JoinEstimated()       estimates of maps -> discs that are joined
 //   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
@@ -164,6 +165,11 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
 // CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
 absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
+// (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
+// a cancellation.
+absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
