@@ -260,6 +260,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
     const bool by_seams = seams.prefer == SeamPreference::kSeams;
     if (by_seams) {
+      const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
+      PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, &estimates, &charts));
       const Execution improving = job->execution.Part(kSegmentShare, kImproveShare);
       PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
     }
