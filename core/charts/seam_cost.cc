@@ -28,7 +28,7 @@ bool IsLikelyDiagonal(const Surface& surface, HalfedgeHandle h) {
 SeamCost::SeamCost(const Surface& surface, const std::vector<float>& visibility, const AtlasTuning& tuning,
                    const Execution& execution)
     : surface_(surface), tuning_(tuning), cost_(surface.mesh->n_edges(), 0.0F) {
-  for (std::int32_t f = 0; f < surface.num_faces(); ++f) area_ += surface.takes_part[f] ? surface.area[f] : 0;
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) area_ += surface.area[f];
   if (!(area_ > 0)) area_ = 1;
   side_ = std::sqrt(area_);
   const TriMesh& mesh = *surface.mesh;

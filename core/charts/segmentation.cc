@@ -132,6 +132,39 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
   CollectFaces();
 }
 
+std::optional<Segmentation> Segmentation::Mirrored(const Surface& surface, const Segmentation& half,
+                                                   const Mirror& mirror) {
+  std::optional<Segmentation> whole(Segmentation(surface, half.tuning_));
+  const TriMesh &mesh = *surface.mesh, &half_mesh = *half.surface_.mesh;
+  whole->kept_.assign(mesh.n_vertices(), 0.0F);
+  const auto count = static_cast<std::int32_t>(half.faces_.size());
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (half.chart_[f] < 0) continue;
+    whole->chart_[f] = half.chart_[f];
+    if (mirror.has_image(f)) whole->chart_[mirror.corner[3 * f] / 3] = count + half.chart_[f];
+    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+      const HalfedgeHandle h = HalfEdgeOf(half_mesh, c);
+      const float kept = half.kept_[half_mesh.to_vertex_handle(h).idx()];
+      whole->kept_[mesh.to_vertex_handle(HalfEdgeOf(mesh, c)).idx()] = kept;
+      if (mirror.has_image(f)) {
+        whole->kept_[mesh.from_vertex_handle(HalfEdgeOf(mesh, mirror.corner[c])).idx()] = kept;
+      }
+      if (half.gluing_.IsOutline(h)) continue;
+      const std::int32_t across = CornerAcross(half_mesh, c);
+      if (CornerAcross(mesh, c) != across) return std::nullopt;
+      whole->gluing_.Glue(HalfEdgeOf(mesh, c));
+      if (!mirror.has_image(f)) continue;
+      if (CornerAcross(mesh, mirror.corner[c]) != mirror.corner[across]) return std::nullopt;
+      whole->gluing_.Glue(HalfEdgeOf(mesh, mirror.corner[c]));
+    }
+  }
+  whole->faces_.resize(2 * count);
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (whole->chart_[f] >= 0) whole->faces_[whole->chart_[f]].push_back(f);
+  }
+  return whole;
+}
+
 void Segmentation::CollectFaces() {
   faces_.clear();
   for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {

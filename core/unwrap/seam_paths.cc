@@ -39,6 +39,8 @@ std::vector<SeamPath> SeamPaths(const Segmentation& segmentation) {
   for (const EdgeHandle e : mesh.edges()) {
     const HalfedgeHandle first = mesh.halfedge_handle(e, 0);
     if (seen[e.idx()] || !IsSeam(gluing, first)) continue;
+    if (segmentation.chart()[mesh.face_handle(first).idx()] < 0) continue;
+    if (segmentation.chart()[gluing.surface().face_across(first)] < 0) continue;
     SeamPath path;
     std::vector<HalfedgeHandle> back;
     seen[e.idx()] = 1;

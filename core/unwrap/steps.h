@@ -80,6 +80,9 @@ struct Charts {
   // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
+  // Per chart of the segmentation: the one that is its mirror image, maybe itself, -1 where there is none; empty: none
+  // has one, and once a chart has been cut.
+  std::vector<std::int32_t> image;
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
@@ -170,6 +173,18 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
 // (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
 // a cancellation.
 absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them by all of the above,
+// and those of the other of these. Sets `segmentation` and `image`. Returns whether it has; not for surfaces without
+// such a plane, nor with seams given. `seams`: what `charts->surface` was made with.
+absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+
+// The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
+void MeasureAtlases(const Job& job, Charts* charts);
+
+// What charts are merged with first, and the limit of their stretch then: ImproveSeams() goes on from there.
+AtlasTuning MergingOf(const UnwrapOptions& options);
+double FirstStretch(const UnwrapOptions& options);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
