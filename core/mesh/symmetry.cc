@@ -13,7 +13,7 @@ namespace planish {
 namespace {
 
 constexpr double kTolerance = 1e-3;  // of the diagonal
-constexpr double kLeastShare = 0.8;  // of the area
+constexpr double kLeastShare = 0.99;  // of the area
 
 // The vertices of a mesh, by cells of space.
 class Cells {
