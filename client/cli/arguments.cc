@@ -134,6 +134,10 @@ std::string CheckAtlas(const UnwrapOptions& options) {
     return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
            " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
   }
+  if (options.prefer != Prefer::kSeams && options.seams != Seams::kAuto) {
+    return std::string("--prefer is what --seams=auto cuts for; with the policy ") + ToString(options.seams) +
+           " it has no effect (name auto beside the sources, as in --seams=auto,uv)";
+  }
   if (!options.pack &&
       (options.texture_size != 0 || options.padding || options.tiles != 0 || options.effort != Effort::kNormal)) {
     return "--pack=off leaves charts as they are, so --texture-size, --padding, --tiles and --effort have no effect";

@@ -244,6 +244,7 @@ std::string SettingsDigest(const Arguments& arguments) {
   const Json json = {{"seams", ToString(options.seams)},
                      {"hard", options.hard_edge_degrees},
                      {"sources", {seams.uv, seams.materials, seams.groups}},
+                     {"prefer", ToString(options.prefer)},
                      {"max_stretch", options.max_stretch},
                      {"pack", options.pack},
                      {"texture_size", options.texture_size},

@@ -287,7 +287,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;
-  WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
+  WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? job->options.MaxStretch() : 0, delivery.stopped,
                &result.warnings);
   if (seams.policy != SeamPolicy::kAuto) WarnOfStretch(*job, charts, own_maps, all.map, result.uv, &result.warnings);
   WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);

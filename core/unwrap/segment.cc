@@ -63,32 +63,6 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
   return area;
 }
 
-void MeasureAtlases(const Job& job, Charts* charts) {
-  const UnwrapOptions& options = job.options;
-  const Surface& surface = *charts->surface;
-  std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
-  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
-    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
-    const double area = surface.area[f] * reduction * reduction;
-    charts->drawn_area += area;
-    sizes[AtlasOf(options, f)].area += area;
-  }
-  for (std::int32_t i = 0; i < job.polygons.count(); ++i) {
-    std::int32_t first = -1;
-    job.polygons.ForEachFace(i, [&](std::int32_t f) { first = first < 0 && surface.takes_part[f] ? f : first; });
-    if (first < 0) continue;
-    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[first];
-    Charts::AtlasSize& size = sizes[AtlasOf(options, first)];
-    size.longest = std::max(size.longest, reduction * SizeOfPolygon(job.mesh, job.polygons, i).length);
-  }
-  if (options.layout == AtlasLayout::kStacked) return;
-  Charts::AtlasSize most;
-  for (const auto& [atlas, size] : sizes) {
-    most = {std::max(most.area, size.area), std::max(most.longest, size.longest)};
-  }
-  for (auto& [atlas, size] : sizes) size = most;
-}
-
 // What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
 // tiles, and the last digit is worth most at the far end of a row of them: `last_digit` is that of numbers from 1/2
 // to 1.
@@ -116,7 +90,7 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
 }
 
 // What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
-constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kRefineShare = 0.92;
+constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
@@ -126,7 +100,7 @@ void RejoinCharts(const Job& job, Charts* charts) {
   if (pairs.empty()) return;
   auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   const Execution silent = job.execution.Part(kSegmentShare, kSegmentShare);  // there is little to do
-  Segmentation after(*surface, before, job.options.seams.max_stretch, silent);
+  Segmentation after(*surface, before, FirstStretch(job.options), silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
 }
@@ -143,6 +117,43 @@ bool CanBeParted(const Surface& surface, const Chart& chart) {
 }
 
 }  // namespace
+
+void MeasureAtlases(const Job& job, Charts* charts) {
+  const UnwrapOptions& options = job.options;
+  const Surface& surface = *charts->surface;
+  std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
+    const double area = surface.area[f] * reduction * reduction;
+    charts->drawn_area += area;
+    sizes[AtlasOf(options, f)].area += area;
+  }
+  for (std::int32_t i = 0; i < job.polygons.count(); ++i) {
+    std::int32_t first = -1;
+    job.polygons.ForEachFace(i, [&](std::int32_t f) { first = first < 0 && surface.takes_part[f] ? f : first; });
+    if (first < 0) continue;
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[first];
+    Charts::AtlasSize& size = sizes[AtlasOf(options, first)];
+    size.longest = std::max(size.longest, reduction * SizeOfPolygon(job.mesh, job.polygons, i).length);
+  }
+  if (options.layout == AtlasLayout::kStacked) return;
+  Charts::AtlasSize most;
+  for (const auto& [atlas, size] : sizes) {
+    most = {std::max(most.area, size.area), std::max(most.longest, size.longest)};
+  }
+  for (auto& [atlas, size] : sizes) size = most;
+}
+
+AtlasTuning MergingOf(const UnwrapOptions& options) {
+  AtlasTuning tuning = options.tuning;
+  if (options.seams.prefer == SeamPreference::kSeams) tuning.widest = tuning.seams_widest;
+  return tuning;
+}
+
+double FirstStretch(const UnwrapOptions& options) {
+  const double most = options.MaxStretch();
+  return options.seams.prefer == SeamPreference::kSeams ? std::min(most, options.tuning.seams_first_stretch) : most;
+}
 
 absl::Status Job::Enter(UnwrapStage stage) {
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -211,11 +222,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const bool by_stretch = seams.policy == SeamPolicy::kAuto;
   std::vector<char> needles;
   if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->polygons, job->options.tuning);
-  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
-                                                        {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
-                                                         needles, PartOfFaces(job->options),
-                                                         job->options.face_polygon},
-                                                        job->execution));
+  const GivenSeams given = {seams.corners, seams.uncut_corners,       seams.hard_edge_degrees,
+                            needles,       PartOfFaces(job->options), job->options.face_polygon};
+  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh, given, job->execution));
   job->execution.Report(kSurfaceShare);
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
@@ -232,10 +241,18 @@ absl::StatusOr<Charts> Segment(Job* job) {
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
-  charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                              seams.max_stretch, job->execution.Part(kSurfaceShare, kSegmentShare),
-                              job->options.tuning);
-  if (by_stretch) RejoinCharts(*job, &charts);
+  const bool by_seams = by_stretch && seams.prefer == SeamPreference::kSeams;
+  bool is_mirrored = false;
+  if (by_seams) {
+    const Execution merging = job->execution.Part(kSurfaceShare, kSegmentShare);
+    PLANISH_ASSIGN_OR_RETURN(is_mirrored, SegmentMirrored(job, given, merging, &charts));
+  }
+  if (!is_mirrored) {
+    charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
+                                FirstStretch(job->options), job->execution.Part(kSurfaceShare, kSegmentShare),
+                                MergingOf(job->options));
+    if (by_stretch) RejoinCharts(*job, &charts);
+  }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
   if (!needles.empty()) {
@@ -245,10 +262,16 @@ absl::StatusOr<Charts> Segment(Job* job) {
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
-    const Execution refining = job->execution.Part(kSegmentShare, kRefineShare);
+    if (by_seams) {
+      const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
+      if (!is_mirrored) PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, &estimates, &charts));
+      const Execution improving = job->execution.Part(kSegmentShare, kImproveShare);
+      PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
+    }
+    const Execution refining = job->execution.Part(by_seams ? kImproveShare : kSegmentShare, kRefineShare);
     PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts));
     refining.Report(1);
-    PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
+    if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.

@@ -2,6 +2,7 @@
 // announces itself to the caller and measures its time.
 //
 //   Segment()               a mesh            -> Charts: a surface, cut into discs, each in the solver's arrays
+//     ImproveSeams()        estimates of maps -> discs that are glued, and borders that are moved
 //     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
 //     JoinEstimated()       estimates of maps -> discs that are joined
 //   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
@@ -79,6 +80,9 @@ struct Charts {
   // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
+  // Per chart of the segmentation: the one that is its mirror image, maybe itself, -1 where there is none; empty: none
+  // has one, and once a chart has been cut.
+  std::vector<std::int32_t> image;
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
@@ -164,6 +168,23 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
 // CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
 absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
+// (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
+// a cancellation.
+absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them by all of the above,
+// and those of the other of these. Sets `segmentation` and `image`. Returns whether it has; not for surfaces without
+// such a plane, nor with seams given. `seams`: what `charts->surface` was made with.
+absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+
+// The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
+void MeasureAtlases(const Job& job, Charts* charts);
+
+// What charts are merged with first, and the limit of their stretch then: ImproveSeams() goes on from there.
+AtlasTuning MergingOf(const UnwrapOptions& options);
+double FirstStretch(const UnwrapOptions& options);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);

@@ -40,10 +40,19 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         ),
         default="AUTO",
     )
+    prefer: bpy.props.EnumProperty(
+        name="Prefer",
+        description="What seams are placed for",
+        items=(
+            ("SEAMS", "Seams", "Few, short and hidden seams"),
+            ("TEXTURE", "Texture", "Charts that pack well: more of them"),
+        ),
+        default="SEAMS",
+    )
     max_stretch: bpy.props.FloatProperty(
         name="Stretch",
         description="Root mean square stretch above which a chart is cut",
-        default=1.05,
+        default=1.25,
         min=1.001,
         max=100,
         soft_max=2,
@@ -76,9 +85,10 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         layout.use_property_split = True
         layout.column(heading="Seams").prop(self, "seams")
         layout.prop(self, "cuts")
-        row = layout.row()
-        row.active = self.cuts == "AUTO"
-        row.prop(self, "max_stretch")
+        column = layout.column()
+        column.active = self.cuts == "AUTO"
+        column.prop(self, "prefer")
+        column.prop(self, "max_stretch")
         for name in ("texture_size", "padding", "boundary", "one_atlas"):
             layout.prop(self, name)
 
@@ -152,7 +162,8 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             return False
         sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
         options = engines.Options(
-            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower()
+            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower(),
+            self.prefer.lower(),
         )
         self._batch = engines.Batch(start, sheets, options)
         self._batch.step()

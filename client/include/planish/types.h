@@ -107,6 +107,10 @@ enum class Seams {
             // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
 };
+enum class Prefer {
+  kSeams,    // few, short and hidden seams
+  kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
+};
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
 enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
@@ -133,6 +137,7 @@ inline constexpr std::tuple kEnumNames = {
     EnumNames<Stage>{"unknown", "upload", "queue", "decode", "charts", "solve", "layout", "pack", "verify", "encode",
                      "download"},
     EnumNames<Seams>{"none", "keep", "needed", "auto"},
+    EnumNames<Prefer>{"seams", "texture"},
     EnumNames<Solver>{"auto", "uzawa", "minres", "direct"},
     EnumNames<System>{"auto", "full", "reduced"},
     EnumNames<Preconditioner>{"auto", "none", "jacobi", "cholesky", "amg"},
@@ -169,7 +174,9 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
+  Prefer prefer = Prefer::kSeams;  // with kAuto
+  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.25, 1.05 with
+                                 // Prefer::kTexture
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
   int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
