@@ -102,7 +102,7 @@ enum class Stage {
 };
 enum class Seams {
   kNone,    // no edge is cut: the mesh must be a topological disc
-  kKeep,    // the given seams and no others: the pieces must be discs
+  kKeep,    // the given seams; pieces with holes are slit where they have no other map (SEAMS_ADDED), closed ones refused
   kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders
             // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
@@ -296,6 +296,9 @@ struct Quality {
   double stretch_l2 = 1;
   double packing_efficiency = 0;
   double seam_length = 0;  // of the seams on the surface, over the square root of its area
+  double visible_seam_length = 0;       // the same, each edge weighted by how much of its surroundings is open, 0 to 1
+  double seam_turn_deg = 0;             // mean angle by which seams turn from edge to edge; 0: straight
+  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty without mirror plane
 };
 
 // Wall-clock time of each stage: upload (encode, send, accept), download and total as this client saw them, the others

@@ -20,7 +20,7 @@ class UnwrapOptions:
     """What the caller asks for. Every field may be left out; None stands for the server's default."""
 
     #: ``"auto"``: the given seams, and as many more as keep the stretch below max_stretch. ``"needed"``: more only where a
-    #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams and no others. ``"none"``: the mesh is a disc.
+    #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams, and slits where a piece with holes has no other map. ``"none"``: the mesh is a disc.
     seams: str = "auto"
     #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05.
     max_stretch: Optional[float] = None
@@ -184,7 +184,10 @@ class Quality:
     conformal_distortion_max: float = 1.0
     stretch_l2: float = 1.0
     packing_efficiency: float = 0.0
-    seam_length: float = 0.0
+    seam_length: float = 0.0  #: on the surface, over the square root of its area
+    visible_seam_length: float = 0.0  #: the same, each edge weighted by how much of its surroundings is open, 0 to 1
+    seam_turn_deg: float = 0.0  #: mean angle by which seams turn from edge to edge; 0: straight
+    seam_symmetry: Optional[float] = None  #: share of the seams whose mirror image is a seam; None without mirror plane
 
 
 @dataclass(frozen=True)
