@@ -22,6 +22,9 @@ struct PackerCuts {
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
+  // ---- SeamOptions::max_stretch, by SeamOptions::prefer, where the caller says nothing.
+  double seams_stretch = 1.25, texture_stretch = 1.05;
+
   // ---- Order in memory (unwrap/reordering.h).
   // Meshes of so many faces and more are unwrapped in spatial order; the caches hold smaller ones in any order.
   std::int64_t reordered_faces = 50'000;
@@ -44,6 +47,7 @@ struct AtlasTuning {
   // No vertex of an outline opens wider, radians: next to a saddle a disc with 2 pi and more there would run over
   // itself when it is flattened.
   double widest = 1.85 * std::numbers::pi;
+  double seams_widest = 1.95 * std::numbers::pi;
 
   // ---- Stretch estimates (charts/stretch_estimate.h).
   double estimate_tolerance = 1e-2;  // of the residual (charts/poisson_solver.h)

@@ -130,7 +130,7 @@ void RejoinCharts(const Job& job, Charts* charts) {
   if (pairs.empty()) return;
   auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   const Execution silent = job.execution.Part(kSegmentShare, kSegmentShare);  // there is little to do
-  Segmentation after(*surface, before, job.options.seams.max_stretch, silent);
+  Segmentation after(*surface, before, job.options.MaxStretch(), silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
 }
@@ -142,6 +142,13 @@ double SlitCost(const Surface& surface, std::int32_t corner) {
   const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, corner);
   if (surface.is_uncut(h)) return std::numeric_limits<double>::infinity();
   return surface.length(h) * (1 - (1 - kSharpCost) * std::clamp(1 - surface.bend_cosine(h), 0.0, 1.0));
+}
+
+// The constants of segmentation.
+AtlasTuning TuningOf(const UnwrapOptions& options) {
+  AtlasTuning tuning = options.tuning;
+  if (options.seams.prefer == SeamPreference::kSeams) tuning.widest = tuning.seams_widest;
+  return tuning;
 }
 
 constexpr std::size_t kFewestToCut = 3;
@@ -246,8 +253,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
   WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                              seams.max_stretch, job->execution.Part(kSurfaceShare, kSegmentShare),
-                              job->options.tuning);
+                              job->options.MaxStretch(), job->execution.Part(kSurfaceShare, kSegmentShare),
+                              TuningOf(job->options));
   if (by_stretch) RejoinCharts(*job, &charts);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (!needles.empty()) {

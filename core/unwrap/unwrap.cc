@@ -24,7 +24,7 @@ absl::Status CheckRange(const std::string& field, Number value, Number low, Numb
 }
 
 absl::Status CheckSeams(const SeamOptions& seams) {
-  PLANISH_RETURN_IF_ERROR(CheckRange("max_stretch", seams.max_stretch, 1.001, 100.0));
+  PLANISH_RETURN_IF_ERROR(CheckRange("max_stretch", seams.max_stretch.value_or(1.001), 1.001, 100.0));
   if (!(seams.hard_edge_degrees >= 0 && seams.hard_edge_degrees <= 180)) {
     return OptionError("hard_edge_degrees",
                        absl::StrFormat("%g is not in (0, 180], nor 0 for none", seams.hard_edge_degrees));

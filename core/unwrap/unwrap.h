@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,15 @@ enum class SeamPolicy {
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };
 
+// What SeamPolicy::kAuto places seams for.
+enum class SeamPreference {
+  kSeams,    // few, short and hidden seams (core/charts/seam_cost.h)
+  kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
+};
+
 struct SeamOptions {
   SeamPolicy policy = SeamPolicy::kAuto;
+  SeamPreference prefer = SeamPreference::kSeams;
   // Edges at which the normals of the two faces are further apart than this are seams. Degrees in (0, 180]; 0: none.
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
@@ -48,8 +56,8 @@ struct SeamOptions {
   // part charts all the same.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
-  // below this, as far as cutting helps. In [1.001, 100].
-  double max_stretch = 1.05;
+  // below this, as far as cutting helps. In [1.001, 100]; without: AtlasTuning::seams_stretch or texture_stretch.
+  std::optional<double> max_stretch;
 };
 
 // Where several atlases go (UnwrapOptions::face_atlas).
@@ -78,6 +86,14 @@ struct UnwrapOptions {
   // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
   // number.
   int threads = 1;
+
+  // SeamOptions::max_stretch, or what stands for it.
+  double MaxStretch() const {
+    const bool by_seams = seams.prefer == SeamPreference::kSeams;
+    return seams.max_stretch.value_or(by_seams ? tuning.seams_stretch : tuning.texture_stretch);
+  }
+  // Whether charts are cut and joined for the packer's sake.
+  bool IsForPacker() const { return pack && seams.prefer == SeamPreference::kTexture; }
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;

@@ -113,7 +113,7 @@ const UnwrapWarning* WarningOf(const UnwrapResult& result, const std::string& re
   return nullptr;
 }
 
-UnwrapOptions WithSeams(SeamPolicy policy) {
+UnwrapOptions ByPolicy(SeamPolicy policy) {
   UnwrapOptions options;
   options.seams.policy = policy;
   return options;
@@ -135,20 +135,20 @@ void ExpectHolePromises(const Mesh& mesh, const absl::StatusOr<UnwrapResult>& re
 TEST(Holes, OfPlatesAreKept) {
   for (std::uint32_t seed = 0; seed < 12; ++seed) {
     const Mesh mesh = HoledPlate(seed);
-    const auto kept = Unwrap(mesh, WithSeams(SeamPolicy::kKeep), {});
+    const auto kept = Unwrap(mesh, ByPolicy(SeamPolicy::kKeep), {});
     ExpectHolePromises(mesh, kept, "plate " + std::to_string(seed));
     EXPECT_EQ(WarningOf(*kept, "SEAMS_ADDED"), nullptr) << seed;
     EXPECT_LT(kept->quality.stretch_l2, 1.1) << seed;
     EXPECT_EQ(kept->charts.size(), 1u);
     if (seed >= 4) continue;
-    ExpectHolePromises(mesh, Unwrap(mesh, WithSeams(SeamPolicy::kNeeded), {}), "needed, plate " + std::to_string(seed));
+    ExpectHolePromises(mesh, Unwrap(mesh, ByPolicy(SeamPolicy::kNeeded), {}), "needed, plate " + std::to_string(seed));
   }
 }
 
 TEST(Holes, OfButtonsAndRingsAreKept) {
   for (const Mesh& mesh : {HoledButton(), RingOf(24, 4, 0.5, 0), RingOf(24, 4, 0.5, 0.5), RingOf(40, 3, 0.9, 0.1), RingOf(7, 1, 0.3, 0.2),
                            testing::Cylinder(24, 1)}) {
-    const auto kept = Unwrap(mesh, WithSeams(SeamPolicy::kKeep), {});
+    const auto kept = Unwrap(mesh, ByPolicy(SeamPolicy::kKeep), {});
     ExpectHolePromises(mesh, kept, std::to_string(mesh.num_faces()));
     EXPECT_EQ(WarningOf(*kept, "SEAMS_ADDED"), nullptr) << mesh.num_faces();
     EXPECT_EQ(kept->charts.size(), 1u);
@@ -159,7 +159,7 @@ TEST(Holes, OfButtonsAndRingsAreKept) {
 TEST(Holes, OfALongTubeAreJoinedByAStraightSlit) {
   for (const SeamPolicy policy : {SeamPolicy::kKeep, SeamPolicy::kNeeded}) {
     const Mesh mesh = RingOf(16, 24, 1, 8);
-    const auto result = Unwrap(mesh, WithSeams(policy), {});
+    const auto result = Unwrap(mesh, ByPolicy(policy), {});
     ExpectHolePromises(mesh, result, "tube");
     const UnwrapWarning* const added = WarningOf(*result, "SEAMS_ADDED");
     ASSERT_NE(added, nullptr);
@@ -197,10 +197,10 @@ TEST(Holes, AreReachedByShortSlits) {
 
 TEST(Holes, AreNotWhatClosedPiecesHave) {
   for (const Mesh& mesh : {testing::Tetrahedron(), testing::Torus(12, 8), testing::MoebiusStrip(20)}) {
-    const auto refused = Unwrap(mesh, WithSeams(SeamPolicy::kKeep), {});
+    const auto refused = Unwrap(mesh, ByPolicy(SeamPolicy::kKeep), {});
     EXPECT_EQ(ErrorInfoOf(refused.status()).reason, "PIECE_NOT_A_DISC");
     EXPECT_EQ(ErrorInfoOf(refused.status()).metadata.at("faces"), "0");
-    EXPECT_TRUE(Unwrap(mesh, WithSeams(SeamPolicy::kNeeded), {}).ok());
+    EXPECT_TRUE(Unwrap(mesh, ByPolicy(SeamPolicy::kNeeded), {}).ok());
   }
 }
 

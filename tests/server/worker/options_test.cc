@@ -26,7 +26,7 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
   EXPECT_EQ(core->threads, 1);
   EXPECT_EQ(core->seams.policy, SeamPolicy::kAuto);
-  EXPECT_EQ(core->seams.max_stretch, 1.05);
+  EXPECT_EQ(core->MaxStretch(), 1.25);
   EXPECT_EQ(core->seams.hard_edge_degrees, 0);
   EXPECT_TRUE(core->pack);
   EXPECT_EQ(core->atlas.texture_size, 1024);
