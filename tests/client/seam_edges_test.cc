@@ -80,7 +80,7 @@ TEST_F(PolygonEdgesTest, UvBordersAreWhereIdsDifferAtAnEnd) {
   EXPECT_THAT(PolygonEdges(file_, triangles_).UvBorders(), ElementsAre(kFaces14)) << "none on either side";
 }
 
-// A flat pouch of two sheets that hang together at three of four sides, the back mirrored onto the front in the map. It
+// A flat pouch of two sheets that hang together at all sides, the back mirrored onto the front in the map. It
 // cannot lie flat unfolded, so that its folds are seams; two sheets that hang together at one side can.
 TEST_F(PolygonEdgesTest, UvFoldsAreWhereOneHalfIsMirroredOntoTheOther) {
   const auto folds = [](bool is_pouch) {

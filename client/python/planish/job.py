@@ -375,7 +375,8 @@ def _value(message: Any, descriptor: Any) -> Any:
     if descriptor.enum_type is not None:
         return enum_name(descriptor.enum_type, value)
     if descriptor.message_type is None:
-        return value
+        # An optional field that is not set.
+        return value if descriptor.containing_oneof is None or message.HasField(descriptor.name) else None
     name = descriptor.message_type.full_name
     if name == "google.protobuf.Duration":
         return value.seconds + 1e-9 * value.nanos
