@@ -41,8 +41,8 @@ extern const char planish_sheet_template_end[];
 namespace planish::cli {
 namespace {
 
-constexpr double kSteps = 65535;                 // of positions and UV along their extent
-constexpr double kStretchOctaves = 4;            // that the page tells apart (client/report/src/data.ts)
+constexpr double kSteps = 65535;                                // of positions and UV along their extent
+constexpr double kStretchOctaves = 4;                           // that the page tells apart (client/report/src/data.ts)
 constexpr int kTopByte = 254, kNoStretch = 255, kNoSeam = 255;  // of a byte
 constexpr std::uint8_t kMirroredFace = 16;
 constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;

@@ -19,6 +19,7 @@
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/holes.h"
+#include "core/unwrap/relaxing.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
 
@@ -174,7 +175,10 @@ class BarycentricMap {
   std::optional<SparseElimination> elimination_;  // from the first solve on
 };
 
-constexpr double kMostStretchOfAbf = 3;       // with a barrier; others are looked for beyond, that are so much better
+constexpr double kMostStretchOfAbf = 3;  // with a barrier
+// Where ABF's map has been replaced by another, a barycentric one is tried if that is stretched beyond the first of
+// these, and taken if it is stretched so many times less.
+constexpr double kStretchToLower = 1.1, kWorthMeans = 1.05;
 // Times that of the slit map: a tube had better be slit than be a ring. With SeamPolicy::kKeep it stays a ring up to
 // kMuchStretch, beyond which a warning would come.
 constexpr double kMostStretchForHoles = 1.1;
@@ -215,18 +219,11 @@ struct Candidate {
   }
 };
 
-// The map of the chart by the places in the plane of the filled one's vertices. `summary` becomes the map's, with the
-// energy of the chart's own angles.
-absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
-                                     FlattenSummary summary) {
+// The map of the chart by the places in the plane of its vertices. `summary` becomes the map's, with the energy of
+// these.
+absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> positions, FlattenSummary summary) {
   const TargetAngles target = MakeTargetAngles(c.topology(), c.measured, c.execution);
   if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
-  std::vector<Vec2> positions(c.topology().num_vertices);
-  for (std::int32_t corner = 0; corner < filled.topology.num_corners(); ++corner) {
-    const std::int32_t own = filled.corner[corner];
-    if (own < 0) continue;
-    positions[c.topology().faces[own / 3][own % 3]] = places[filled.topology.faces[corner / 3][corner % 3]];
-  }
   summary.energy = 0;
   for (std::int32_t f = 0; f < c.topology().num_faces(); ++f) {
     Eigen::Vector3d angles;
@@ -236,6 +233,18 @@ absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& fill
   }
   return PlaceChart(c.job->mesh, c.mapped->chart, std::make_shared<const FlattenSummary>(std::move(summary)),
                     std::move(positions), c.execution);
+}
+
+// The same by the places of the filled chart's vertices.
+absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
+                                     FlattenSummary summary) {
+  std::vector<Vec2> positions(c.topology().num_vertices);
+  for (std::int32_t corner = 0; corner < filled.topology.num_corners(); ++corner) {
+    const std::int32_t own = filled.corner[corner];
+    if (own < 0) continue;
+    positions[c.topology().faces[own / 3][own % 3]] = places[filled.topology.faces[corner / 3][corner % 3]];
+  }
+  return PlaceOwn(c, std::move(positions), std::move(summary));
 }
 
 // By ABF of the filled chart; all slits are closed. Fans take the angles that the faces round a hole leave them, and
@@ -282,6 +291,9 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
   summary.barrier = 0;
   summary.converged = true;
   PLANISH_ASSIGN_OR_RETURN(ChartMap map, PlaceFilled(c, filled, drawn, std::move(summary)));
+  const std::vector<char>& ignored = c.solve.charts.ignored;
+  PLANISH_ASSIGN_OR_RETURN(
+      map, PlaceOwn(c, RelaxedPositions(c.job->mesh, c.mapped->chart, map, ignored, c.execution), *map.flatten));
   map.is_barycentric = true;
   return map;
 }
@@ -320,16 +332,17 @@ bool TakesConverged(const Candidate& c, const Charts& charts, absl::StatusOr<Cha
 }
 
 // Takes a map without slits, if there is one that is sound and stretched no more than it may be: by ABF or, where that
-// has not converged, by barycentres, whichever is stretched less. A map that has not converged is for SeamPolicy::kKeep
-// only; otherwise such a chart is cut. Returns whether it has taken one.
+// has not converged or is stretched, by barycentres, whichever is stretched less. A map that has not converged is for
+// SeamPolicy::kKeep only; otherwise such a chart is cut. Returns whether it has taken one.
 bool TakesFilled(const Candidate& c, const Charts& charts, bool is_small) {
   const double most = MostStretchWithHoles(c);
   absl::StatusOr<ChartMap> by_abf = MapByAbf(c);
   const bool has_converged = by_abf.ok() && by_abf->flatten->converged;
   const bool may_take = has_converged || c.job->options.seams.policy == SeamPolicy::kKeep;
   const bool has_map = may_take && Takes(c, charts, std::move(by_abf), most);
-  if ((has_map && has_converged) || !is_small || c.execution.IsStopRequested()) return has_map;
-  return TakesConverged(c, charts, MapByMeans(c), has_map ? c.mapped->faults.stretch : most) || has_map;
+  const bool is_good = has_map && has_converged && c.mapped->faults.stretch <= kStretchToLower;
+  if (is_good || !is_small || c.execution.IsStopRequested()) return has_map;
+  return TakesConverged(c, charts, MapByMeans(c), has_map ? c.mapped->faults.stretch / kWorthMeans : most) || has_map;
 }
 
 }  // namespace
@@ -353,14 +366,15 @@ void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped) {
   // ABF with a convex outline, where the caller has not asked for that anyway.
   const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
   c.work_left -= static_cast<std::int64_t>(mapped->work - before);
-  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
+  const bool was_no_use = c.is_no_use();
+  if (was_no_use && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
     TakesConverged(c, charts, MapConvex(c), MostStretch(c, 1));
   }
   // A barycentric map within the slit outline.
-  const bool keeps_filled = c.filled && job->options.seams.policy != SeamPolicy::kKeep;
-  if (c.is_no_use() && !keeps_filled && is_small && !execution.IsStopRequested()) {
+  const bool is_good = !c.is_no_use() && mapped->faults.stretch <= kStretchToLower;
+  if (was_no_use && !is_good && is_small && !execution.IsStopRequested()) {
     c.filled.reset();
-    TakesConverged(c, charts, MapByMeans(c), MostStretch(c, kMostStretchOfAbf));
+    TakesConverged(c, charts, MapByMeans(c), MostStretch(c, kWorthMeans));
   }
 }
 

@@ -22,8 +22,8 @@ struct HoledPiece {
   std::int32_t outer = -1;  // the loop that is longest on the surface; the others are holes
 };
 
-// The piece that a slit chart is when its slits are glued. Nothing if that has no holes, or is no part of a plane: it is
-// closed, has a handle, or has one side only. O(n) in its faces.
+// The piece that a slit chart is when its slits are glued. Nothing if that has no holes, or is no part of a plane: it
+// is closed, has a handle, or has one side only. O(n) in its faces.
 std::optional<HoledPiece> HoledPieceOf(const Mesh& mesh, const Chart& chart);
 
 // Lets the slits of a chart that is a plane piece with holes run along short paths: from the outline to the nearest

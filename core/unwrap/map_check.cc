@@ -286,7 +286,7 @@ class MapJudge {
     }
     const double length = SeamLength(mesh_, half_edges, [&](std::int32_t c) { return is_joined_[c] != 0; });
     check_.seam_length = length / std::sqrt(check_.surface_area);
-    check_.seams = planish::MeasureSeams(mesh_, uv_, check_.face_visibility, execution_);
+    check_.seams = planish::MeasureSeams(mesh_, uv_, execution_);
   }
 
   void MeasureSpacing() {

@@ -25,9 +25,9 @@ struct MapTopology {
 };
 
 struct MapCheckOptions {
-  int texture_size = 1024;  // texels per side of a tile
-  int tiles = 1;            // charts may lie in so many: UDIM 1001, 1002, ..., ten in a row
-  double min_padding = 0;   // texels: pairs of charts nearer than this are listed; 0: none
+  int texture_size = 1024;   // texels per side of a tile
+  int tiles = 1;             // charts may lie in so many: UDIM 1001, 1002, ..., ten in a row
+  double min_padding = 0;    // texels: pairs of charts nearer than this are listed; 0: none
   bool with_spacing = true;  // false: MapCheck::spacing is left out, which takes time
   // Per face, in [0, num_materials), or -1: none. Empty: no face has a material.
   std::vector<std::int32_t> material_of_face;

@@ -9,7 +9,6 @@
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
-#include "core/mesh/visibility.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/seam_figures.h"
 #include "core/unwrap/steps.h"
@@ -282,8 +281,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
   result.quality.seam_length = RelativeSeamLength(job->mesh, charts, result.face_chart);
-  const SeamFigures figures =
-      MeasureSeams(job->mesh, result.uv, FaceVisibility(job->mesh, job->execution), job->execution);
+  const SeamFigures figures = MeasureSeams(job->mesh, result.uv, job->execution);
   result.quality.visible_seam_length = figures.visible_length;
   result.quality.seam_turn_deg = figures.turn_deg;
   result.quality.seam_symmetry = figures.symmetry;

@@ -172,22 +172,26 @@ double MeanTurn(const Mesh& mesh, const std::vector<SeamEdge>& seams, const std:
 
 }  // namespace
 
-SeamFigures MeasureSeams(const Mesh& mesh, const CornerUv& uv, const std::vector<float>& visibility,
-                         const Execution& execution) {
+SeamFigures MeasureSeams(const Mesh& mesh, const CornerUv& uv, const Execution& execution) {
   SeamFigures figures;
   std::vector<char> takes_part(mesh.faces.size(), 0), is_used(mesh.positions.size(), 0);
   std::vector<char> is_boundary(mesh.positions.size(), 0);
+  const auto area_normal = [&](std::int64_t f) {
+    const auto [a, b, c] = TriangleOf(mesh.positions, mesh.faces[f]);
+    return Vec3((b - a).cross(c - a) / 2);
+  };
   double area = 0;
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     const auto& [a, b, c] = mesh.faces[f];
     takes_part[f] = a != b && b != c && c != a;
     if (!takes_part[f]) continue;
     is_used[a] = is_used[b] = is_used[c] = 1;
-    area += DoubleArea(TriangleOf(mesh.positions, mesh.faces[f])) / 2;
+    area += area_normal(static_cast<std::int64_t>(f)).norm();
   }
   if (!(area > 0)) return figures;
   const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, takes_part);
   std::vector<SeamEdge> seams;
+  std::vector<Vec3> middles, normals;
   for (std::int32_t e = 0; e < edges.count(); ++e) {
     const std::int32_t c = edges[e][0];
     const std::int32_t from = Origin(mesh.faces, c), to = Target(mesh.faces, c);
@@ -200,9 +204,13 @@ SeamFigures MeasureSeams(const Mesh& mesh, const CornerUv& uv, const std::vector
         UvOf(uv, FlatLinks::Prev(c)) != UvOf(uv, runs_back ? FlatLinks::Next(d) : FlatLinks::Prev(d));
     if (!is_seam) continue;
     seams.push_back({from, to, (mesh.positions[to] - mesh.positions[from]).norm()});
-    figures.visible_length += seams.back().length * EdgeVisibility(visibility, c / 3, d / 3);
+    middles.push_back((mesh.positions[from] + mesh.positions[to]) / 2);
+    normals.push_back(area_normal(c / 3).stableNormalized() + area_normal(d / 3).stableNormalized());
   }
-  figures.visible_length /= std::sqrt(area);
+  const std::vector<float> visibility = VisibilityFrom(mesh, middles, normals, execution);
+  for (std::size_t i = 0; i < seams.size(); ++i) {
+    figures.visible_length += seams[i].length * static_cast<double>(visibility[i]) / std::sqrt(area);
+  }
   figures.turn_deg = MeanTurn(mesh, seams, is_boundary);
   std::vector<std::int32_t> vertices;
   for (std::int32_t v = 0; v < std::ssize(is_used); ++v) {

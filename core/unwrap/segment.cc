@@ -25,7 +25,7 @@
 namespace planish {
 namespace {
 
-// With SeamPolicy::kKeep every piece must be part of a plane as it is, with holes or without.
+// With SeamPolicy::kKeep every piece must be part of a plane, with holes or without.
 absl::Status CheckPieces(const Mesh& mesh, const Charts& charts) {
   std::vector<std::int32_t> first_faces;
   for (const MappedChart& mapped : charts.charts) {
@@ -37,8 +37,8 @@ absl::Status CheckPieces(const Mesh& mesh, const Charts& charts) {
   const std::int64_t count = std::ssize(first_faces);
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
                    absl::StrCat(Counted(count, "piece", "pieces"),
-                                " between the given seams cannot lie flat without another seam (closed, one-sided or "
-                                "with a handle); give more seams, or allow them to be added (--seams=needed)"),
+                                " between the given seams cannot lie flat without another seam (closed, or with a "
+                                "handle); give more seams, or allow them to be added (--seams=needed)"),
                    {{"count", absl::StrCat(count)}, {"faces", FirstFaces(first_faces)}});
 }
 
@@ -233,8 +233,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->polygons, job->options.tuning);
   PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
                                                         {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
-                                                         needles, PartOfFaces(job->options),
-                                                         job->options.face_polygon},
+                                                         needles, PartOfFaces(job->options), job->options.face_polygon},
                                                         job->execution));
   job->execution.Report(kSurfaceShare);
   std::vector<char> without_area(surface.num_faces());

@@ -102,7 +102,7 @@ struct Charts {
   std::deque<MappedChart> charts;  // no vector: charts are added to many that are large
   // Whether slits run along short paths, not as the segmentation has them: where given seams decide.
   bool slits_are_moved = false;
-  bool are_joined = false;         // charts that are no worse together have been joined (JoinCharts)
+  bool are_joined = false;  // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
@@ -117,8 +117,8 @@ struct Charts {
 };
 
 // Imports the mesh and cuts it into discs as SeamOptions::policy says. Errors: those of CheckDisc() for kNone, of
-// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep (closed, one-sided, with a handle); CANCELLED. Warnings: FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD,
-// ORIENTATION_INCONSISTENT.
+// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep (closed, or with a handle); CANCELLED. Warnings:
+// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT.
 absl::StatusOr<Charts> Segment(Job* job);
 
 // Makes chart i of its faces in the segmentation.
@@ -280,11 +280,11 @@ void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vecto
 
 // Seams beside the given ones.
 struct AddedSeams {
-  std::int64_t with_holes = 0;  // charts with holes that were slit open
-  std::int64_t others = 0;      // the same of charts that are closed, one-sided or have handles
-  std::int64_t slit_edges = 0;  // of the slits of all of these
-  std::int64_t split = 0;       // charts that came from splitting others
-  std::int64_t given_up = 0;    // of these others: because of the work that their solves took
+  std::int64_t with_holes = 0;           // charts with holes that were slit open
+  std::int64_t others = 0;               // the same of charts that are closed or have handles
+  std::int64_t slit_edges = 0;           // of the slits of all of these
+  std::int64_t split = 0;                // charts that came from splitting others
+  std::int64_t given_up = 0;             // of these others: because of the work that their solves took
   std::vector<std::int32_t> faces = {};  // one on each slit edge
 };
 // With SeamPolicy::kKeep and kNeeded. `first_count`: charts before any was split.

@@ -92,11 +92,12 @@ void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::
 
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings) {
   const std::int64_t count = std::ssize(first_faces);
-  WarnOf(count, "POLYGON_TORN",
-         absl::StrCat(Counted(count, "polygon", "polygons"),
-                      " could not stay in one piece: the triangles unfold onto each other, or make no disc; some corners "
-                      "have different UV in different triangles"),
-         first_faces, warnings);
+  WarnOf(
+      count, "POLYGON_TORN",
+      absl::StrCat(Counted(count, "polygon", "polygons"),
+                   " could not stay in one piece: the triangles unfold onto each other, or make no disc; some corners "
+                   "have different UV in different triangles"),
+      first_faces, warnings);
 }
 
 void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
@@ -138,9 +139,9 @@ void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<Un
         policy == SeamPolicy::kKeep ? absl::StrFormat("beyond %g", kMuchStretch) : "much more"));
   }
   if (added.others > 0) {
-    parts.push_back(absl::StrCat(Counted(added.others, "chart that is closed or has handles was",
-                                         "charts that are closed or have handles were"),
-                                 " slit open to lie flat"));
+    parts.push_back(absl::StrCat(
+        Counted(added.others, "chart that is closed or has handles was", "charts that are closed or have handles were"),
+        " slit open to lie flat"));
   }
   if (added.split > 0) {
     parts.push_back(absl::StrCat(Counted(added.split, "chart was", "charts were"),
@@ -263,7 +264,8 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
       [](const ChartReport&) {
         return "with these borders ABF gives no map that is free of overlaps and not stretched beyond use; a "
-               "barycentric map on a disc keeps the borders, but not the angles; a seam would help";
+               "barycentric map, relaxed until it is stretched little, keeps the borders, but not the angles; a seam would "
+               "help";
       });
   if (max_stretch <= 0) return;
   double worst = 1;

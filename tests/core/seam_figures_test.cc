@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/mesh/visibility.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
 
@@ -25,7 +24,7 @@ SeamFigures FiguresOf(const Mesh& mesh, const std::function<bool(const Vec3&)>& 
       SetUv(3 * f + k, Vec2(p.x() + (is_apart(middle) ? 5 : 0), p.y()), &uv);
     }
   }
-  return MeasureSeams(mesh, uv, FaceVisibility(mesh));
+  return MeasureSeams(mesh, uv);
 }
 
 TEST(SeamFigures, OfAStraightSeamInTheOpen) {
@@ -37,9 +36,8 @@ TEST(SeamFigures, OfAStraightSeamInTheOpen) {
 }
 
 TEST(SeamFigures, OfStairsTurnByRightAngles) {
-  const SeamFigures figures = FiguresOf(testing::Plane(10, 10), [](const Vec3& p) {
-    return std::floor(10 * p.x()) + std::floor(10 * p.y()) > 9;
-  });
+  const SeamFigures figures = FiguresOf(
+      testing::Plane(10, 10), [](const Vec3& p) { return std::floor(10 * p.x()) + std::floor(10 * p.y()) > 9; });
   EXPECT_NEAR(figures.turn_deg, 90, 1e-9);
 }
 
@@ -59,9 +57,8 @@ TEST(SeamFigures, OfASurfaceWithoutMirrorPlaneHaveNoSymmetry) {
 
 // Half of a seam runs on the floor of a deep trench.
 TEST(SeamFigures, AreLessVisibleInATrench) {
-  const Mesh mesh = testing::Patch(40, 20, [](double u, double v) {
-    return Vec3(u, v, std::abs(u - 0.5) < 0.06 ? -1 : 0);
-  });
+  const Mesh mesh =
+      testing::Patch(40, 20, [](double u, double v) { return Vec3(u, v, std::abs(u - 0.5) < 0.06 ? -1 : 0); });
   const double on_top = FiguresOf(mesh, [](const Vec3& p) { return p.x() < 0.2; }).visible_length;
   const double below = FiguresOf(mesh, [](const Vec3& p) { return p.x() < 0.5; }).visible_length;
   EXPECT_GT(on_top, 0);
