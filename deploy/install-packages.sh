@@ -21,7 +21,7 @@ build="
 test="
   libgtest-dev libgmock-dev postgresql-15
   python3-grpcio python3-protobuf python3-numpy python3-setuptools python3-wheel
-  haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
+  chromium:chromium haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
 
 # What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with
 # Blender as well where that is installed (its glTF importer needs numpy).

@@ -5,8 +5,9 @@
 #   deploy/sanitize.sh thread     thread sanitizer over core and jobs: Debian's gRPC is not instrumented, and would
 #                                 give false reports by the hundred
 #
-# Without the tests quick_*, which repeat others (tests/CMakeLists.txt). Further arguments go to ctest. Ends like
-# deploy/test.sh.
+# Without tests of scripts, pages, packages and clients in other languages, which run little of our own code; without those of
+# the shared meshes, as generated ones do the same to it; and without shares of time, of which slow code says nothing.
+# Further arguments go to ctest. Ends like deploy/test.sh.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -20,4 +21,4 @@ case ${1:-} in
 esac
 shift
 export PLANISH_PRESET=$preset
-exec deploy/test.sh -LE quick "$@"
+exec deploy/test.sh -E '^(blender|deploy|house|interop|proto|python|report)_|SharedMeshes|TenantFlood.Shares' "$@"

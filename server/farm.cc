@@ -65,8 +65,8 @@ absl::Duration Farm::ClockSkew() const {
   return skew_;
 }
 
-absl::Status Farm::Leave() {
-  return registry_.Withdraw(self_.name);
+Farm::~Farm() {
+  registry_.Withdraw(self_.name).IgnoreError();  // its row ends by itself
 }
 
 std::vector<ServerEntry> Farm::Servers() const {

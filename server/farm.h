@@ -22,13 +22,15 @@ class Farm {
   Farm(ServerRegistry* registry, ServerEntry self, std::function<void(absl::Duration ahead)> on_skew = nullptr,
        std::function<absl::Time()> clock = absl::Now)
       : registry_(*registry), self_(std::move(self)), on_skew_(std::move(on_skew)), clock_(std::move(clock)) {}
+  // Tells the others that this server takes no more jobs and answers no more callers.
+  ~Farm();
+  Farm(const Farm&) = delete;
+  Farm& operator=(const Farm&) = delete;
 
   // Announces this server and asks for the others. Call it every kInterval; it waits for the database.
   absl::Status Tick();
   // What the last Tick() returned.
   absl::Status LastTick() const;
-  // This server takes no more jobs and answers no more callers.
-  absl::Status Leave();
 
   // As of the last Tick(): a server that comes or goes counts up to kInterval late. Until then a mesh that only that
   // server could take is refused or waits, and the queue's limits are off by its workers; nothing else goes by it.

@@ -79,7 +79,7 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   }
   PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<SqlDatabase> opened, OpenPostgresDatabase(std::move(options)));
   SqlDatabase* const database = opened.get();
-  stores.jobs = NewJobStore(std::move(opened));
+  stores.jobs = std::make_unique<JobStore>(std::move(opened));
   PLANISH_RETURN_IF_ERROR(CheckStandby(database));
   PLANISH_ASSIGN_OR_RETURN(stores.registry, ServerRegistry::Make(database));
   PLANISH_ASSIGN_OR_RETURN(stores.blobs, OpenSharedBlobs(flags.store, database));

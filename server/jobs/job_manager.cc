@@ -286,26 +286,18 @@ ManagerStats JobManager::Stats() const {
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
   admission_.AddCalls(&tenants, &stats.refused_by_reason);
-  const absl::StatusOr<QueueState> queue = context_.store.Queue();
+  const absl::StatusOr<QueueCounts> counts = context_.store.Counts(runner_.owner());
   const absl::StatusOr<JobTotals> totals = context_.store.Totals();
-  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
-  stats.store_answered = queue.ok() && totals.ok() && jobs.ok();
-  absl::Time now;
-  if (queue.ok()) {
-    now = queue->now;
-    for (const WorkRow& work : queue->works) {
-      if (!work.running) ++stats.queued_work;
-      if (work.running) stats.all_reserved_bytes += work.memory_bytes;
-      if (!work.running || work.owner != runner_.owner()) continue;
-      ++stats.running_work;
-      stats.reserved_memory_bytes += work.memory_bytes;
-    }
+  stats.store_answered = counts.ok() && totals.ok();
+  if (counts.ok()) {
+    stats.queued_work = static_cast<int>(counts->waiting_works);
+    stats.running_work = static_cast<int>(counts->own_running_works);
+    stats.all_reserved_bytes = counts->reserved_bytes;
+    stats.reserved_memory_bytes = counts->own_reserved_bytes;
+    for (const JobCount& jobs : counts->jobs) stats.Add(jobs, counts->now, &tenants[jobs.tenant]);
   }
   if (totals.ok()) {
     for (const auto& [tenant, each] : totals->tenants) tenants[tenant].ended_kept = each.ended;
-  }
-  if (jobs.ok()) {
-    for (const JobRecord& record : *jobs) stats.Add(record.job(), now, &tenants[record.job().tenant()]);
   }
   for (auto& [name, tenant] : tenants) {
     tenant.tenant = name;
@@ -315,20 +307,19 @@ ManagerStats JobManager::Stats() const {
   return stats;
 }
 
-void ManagerStats::Add(const v1::Job& job, absl::Time now, TenantStats* tenant) {
-  if (job.state() != v1::JOB_STATE_QUEUED) {
-    ++running;
-    ++tenant->running;
+void ManagerStats::Add(const JobCount& counted, absl::Time now, TenantStats* tenant) {
+  const int jobs = static_cast<int>(counted.jobs);
+  if (counted.state != v1::JOB_STATE_QUEUED) {
+    running += jobs;
+    tenant->running += jobs;
     return;
   }
-  ++queued;
-  ++tenant->queued;
-  const v1::Priority asked = job.scheduling().priority();
-  WaitingJobs& waiting = tenant->waiting[asked == v1::PRIORITY_UNSPECIFIED ? v1::PRIORITY_NORMAL : asked];
-  ++waiting.jobs;
-  const absl::Time created =
-      absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(job.create_time()));
-  waiting.longest = std::max(waiting.longest, now - created);
+  queued += jobs;
+  tenant->queued += jobs;
+  const bool is_normal = counted.priority == v1::PRIORITY_UNSPECIFIED;
+  WaitingJobs& waiting = tenant->waiting[is_normal ? v1::PRIORITY_NORMAL : counted.priority];
+  waiting.jobs += jobs;
+  waiting.longest = std::max(waiting.longest, now - counted.first);
   oldest_wait = std::max(oldest_wait, waiting.longest);
 }
 

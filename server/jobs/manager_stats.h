@@ -8,6 +8,7 @@
 
 #include "absl/time/time.h"
 #include "planish/v1/job.pb.h"
+#include "server/store/job_store.h"
 
 namespace planish {
 
@@ -49,8 +50,8 @@ struct ManagerStats {
   std::map<std::string, std::int64_t> refused_by_reason;
   std::vector<TenantStats> tenants;  // with jobs, bytes or calls; by name
 
-  // Counts a job that has not ended, `tenant` being that of its tenant.
-  void Add(const v1::Job& job, absl::Time now, TenantStats* tenant);
+  // `tenant`: that of the jobs.
+  void Add(const JobCount& counted, absl::Time now, TenantStats* tenant);
 };
 
 }  // namespace planish
