@@ -23,7 +23,7 @@ struct HoledPiece {
 };
 
 // The piece that a slit chart is when its slits are glued. Nothing if that has no holes, or is no part of a plane: it
-// is closed, has a handle, or has one side only. O(n) in its faces.
+// is closed, or has a handle. O(n) in its faces.
 std::optional<HoledPiece> HoledPieceOf(const Mesh& mesh, const Chart& chart);
 
 // Lets the slits of a chart that is a plane piece with holes run along short paths: from the outline to the nearest

@@ -264,7 +264,8 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
       [](const ChartReport&) {
         return "with these borders ABF gives no map that is free of overlaps and not stretched beyond use; a "
-               "barycentric map, relaxed until it is stretched little, keeps the borders, but not the angles; a seam would "
+               "barycentric map, relaxed until it is stretched little, keeps the borders, but not the angles; a seam "
+               "would "
                "help";
       });
   if (max_stretch <= 0) return;
