@@ -319,7 +319,7 @@ double MostStretchWithHoles(const Candidate& c) {
 
 // Takes another map if it is sound and not stretched beyond `most`. Returns whether it has.
 bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double most) {
-  if (!map.ok()) return false;
+  if (!map.ok() || !map->flatten->converged) return false;
   const ChartFaults faults =
       FindFaults(c.job->mesh, c.mapped->chart, *map, charts.ignored, charts.resolution, c.execution);
   if (!faults.is_injective || !(faults.stretch <= most)) return false;
@@ -327,22 +327,15 @@ bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> ma
   c.mapped->faults = faults;
   return true;
 }
-bool TakesConverged(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double most) {
-  return map.ok() && map->flatten->converged && Takes(c, charts, std::move(map), most);
-}
 
-// Takes a map without slits, if there is one that is sound and stretched no more than it may be: by ABF or, where that
-// has not converged or is stretched, by barycentres, whichever is stretched less. A map that has not converged is for
-// SeamPolicy::kKeep only; otherwise such a chart is cut. Returns whether it has taken one.
+// Takes a map without slits, by ABF or by barycentres, if there is one that is sound and stretched no more than it may
+// be. Returns whether it has.
 bool TakesFilled(const Candidate& c, const Charts& charts, bool is_small) {
   const double most = MostStretchWithHoles(c);
-  absl::StatusOr<ChartMap> by_abf = MapByAbf(c);
-  const bool has_converged = by_abf.ok() && by_abf->flatten->converged;
-  const bool may_take = has_converged || c.job->options.seams.policy == SeamPolicy::kKeep;
-  const bool has_map = may_take && Takes(c, charts, std::move(by_abf), most);
-  const bool is_good = has_map && has_converged && c.mapped->faults.stretch <= kStretchToLower;
+  const bool has_map = Takes(c, charts, MapByAbf(c), most);
+  const bool is_good = has_map && c.mapped->faults.stretch <= kStretchToLower;
   if (is_good || !is_small || c.execution.IsStopRequested()) return has_map;
-  return TakesConverged(c, charts, MapByMeans(c), has_map ? c.mapped->faults.stretch / kWorthMeans : most) || has_map;
+  return Takes(c, charts, MapByMeans(c), has_map ? c.mapped->faults.stretch / kWorthMeans : most) || has_map;
 }
 
 }  // namespace
@@ -368,13 +361,13 @@ void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped) {
   c.work_left -= static_cast<std::int64_t>(mapped->work - before);
   const bool was_no_use = c.is_no_use();
   if (was_no_use && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
-    TakesConverged(c, charts, MapConvex(c), MostStretch(c, 1));
+    Takes(c, charts, MapConvex(c), MostStretch(c, 1));
   }
   // A barycentric map within the slit outline.
   const bool is_good = !c.is_no_use() && mapped->faults.stretch <= kStretchToLower;
   if (was_no_use && !is_good && is_small && !execution.IsStopRequested()) {
     c.filled.reset();
-    TakesConverged(c, charts, MapByMeans(c), MostStretch(c, kWorthMeans));
+    Takes(c, charts, MapByMeans(c), MostStretch(c, kWorthMeans));
   }
 }
 
