@@ -70,7 +70,7 @@ for (const [tool, unwrap] of [["artist", null], ...Object.entries(tools)]) {
     `| ${tool} | ${results.length} | ${ratio(chartsOf)} | ${ratio((m) => m.seam_length)} | ${ratio((m) => m.visible_seam_length)} | ` +
       `${mean(results.map(({ own }) => own.seam_turn_deg)).toFixed(1)} | ` +
       `${symmetric.length > 0 ? mean(symmetric.map(({ own }) => own.seam_symmetry)).toFixed(2) : ""} | ` +
-      `${median(results.map(({ own }) => own.stretch_l2)).toFixed(3)} | ${mean(results.map(({ own }) => own.packing_efficiency)).toFixed(2)} |`,
+      `${median(results.map(({ own }) => own.stretch_l2)).toFixed(3)} | ${tool === "xatlas" ? "" : mean(results.map(({ own }) => own.packing_efficiency)).toFixed(2)} |`,
   );
 }
 console.log("| | maps | charts | seam | visible seam | turn | symmetry | stretch | packing efficiency |");
