@@ -41,7 +41,8 @@ Seams: --seams takes a comma-separated list of at most one policy and any number
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
   needed       the given seams, and more only where a piece is no disc or no map keeps its borders;
                the default where sources are given without a policy
-  keep         the given seams and no others: a piece that is no disc is refused
+  keep         the given seams; a piece with holes is slit only where it has no other map (a warning
+               says so), a closed piece is refused
   none         no cut: the mesh must be a disc
   uv           borders of the UV islands that the file has
   materials    between faces of different materials

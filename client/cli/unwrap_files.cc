@@ -153,6 +153,9 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   quality.angle_error_mean_deg = check.angle_error_mean_deg;
   quality.angle_error_max_deg = check.angle_error_max_deg;
   quality.seam_length = check.seam_length;
+  quality.visible_seam_length = check.seams.visible_length;
+  quality.seam_turn_deg = check.seams.turn_deg;
+  quality.seam_symmetry = check.seams.symmetry;
   if (is_flat_atlas) quality.packing_efficiency = check.packing_efficiency;
 }
 

@@ -156,7 +156,10 @@ Quality FromProto(const v1::Quality& proto) {
           .conformal_distortion_max = proto.conformal_distortion_max(),
           .stretch_l2 = proto.stretch_l2(),
           .packing_efficiency = proto.packing_efficiency(),
-          .seam_length = proto.seam_length()};
+          .seam_length = proto.seam_length(),
+          .visible_seam_length = proto.visible_seam_length(),
+          .seam_turn_deg = proto.seam_turn_deg(),
+          .seam_symmetry = proto.has_seam_symmetry() ? std::optional(proto.seam_symmetry()) : std::nullopt};
 }
 
 Progress FromProto(const v1::Progress& proto) {

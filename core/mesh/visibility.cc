@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -20,9 +21,9 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-constexpr std::size_t kRays = 16;                        // from each face that is looked at
+constexpr std::size_t kRays = 16;                         // from each face that is looked at
 constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // in all, at most
-constexpr float kAbove = 1e-4F;                          // where rays begin, in diagonals of the mesh
+constexpr float kAbove = 1e-4F;                           // where rays begin, in diagonals of the mesh
 
 // Directions about the z axis, spread evenly by their cosine (Vogel's spiral).
 std::array<Point, kRays> Directions() {
@@ -151,15 +152,14 @@ class Solid {
   std::size_t leaves_ = 1;
 };
 
-// The share of the rays from the middle of a triangle that meet nothing; 1 for one without area.
-float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
-  Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]);
-  if (!Normalize(&normal)) return 1;
+// The share of the rays from a place that meet nothing. `normal` has length 1.
+float OpenShare(const Solid& solid, const Point& place, const Point& normal,
+                const std::array<Point, kRays>& directions) {
   Point x = Cross(std::abs(normal[0]) < 0.7F ? Point{1, 0, 0} : Point{0, 1, 0}, normal);
   Normalize(&x);
   const Point y = Cross(normal, x);
   Point origin;
-  for (int k = 0; k < 3; ++k) origin[k] = (triangle[0][k] + triangle[1][k] + triangle[2][k]) / 3 + kAbove * normal[k];
+  for (int k = 0; k < 3; ++k) origin[k] = place[k] + kAbove * normal[k];
   int open = 0;
   for (const Point& d : directions) {
     Point direction;
@@ -169,12 +169,75 @@ float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const 
   return static_cast<float>(open) / static_cast<float>(kRays);
 }
 
+// The same from the middle of a triangle; 1 for one without area.
+float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
+  Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]), middle;
+  if (!Normalize(&normal)) return 1;
+  for (int k = 0; k < 3; ++k) middle[k] = (triangle[0][k] + triangle[1][k] + triangle[2][k]) / 3;
+  return OpenShare(solid, middle, normal, directions);
+}
+
+// The mesh, its diagonal scaled to 1.
+struct Scene {
+  Vec3 low;
+  double half;                      // of the diagonal
+  std::vector<Point> points;        // per vertex
+  std::vector<std::int32_t> faces;  // all with three vertices, in spatial order
+  std::optional<Solid> solid;
+
+  Point PointAt(const Vec3& position) const {
+    Point point;
+    for (int k = 0; k < 3; ++k) point[k] = static_cast<float>((position[k] / 2 - low[k] / 2) / half);
+    return point;
+  }
+  // How many places may be looked at.
+  std::size_t MostPlaces() const {
+    return static_cast<std::size_t>((kFirstRays + kRaysPerFace * static_cast<double>(faces.size())) /
+                                    static_cast<double>(kRays));
+  }
+};
+
+// Nothing if there is nothing to look at, a position is not finite, or after a cancellation.
+std::optional<Scene> MakeScene(const Mesh& mesh, const Execution& execution) {
+  std::vector<std::int32_t> vertices;
+  std::vector<char> has_face(mesh.positions.size(), 0);
+  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (const Face& face : mesh.faces) {
+    if (!mesh.IsInRange(face)) continue;
+    for (const std::int32_t v : face) {
+      if (!mesh.positions[v].allFinite()) return std::nullopt;
+      if (std::exchange(has_face[v], 1)) continue;
+      vertices.push_back(v);
+      low = low.cwiseMin(mesh.positions[v]);
+      high = high.cwiseMax(mesh.positions[v]);
+    }
+  }
+  const double half = (high / 2 - low / 2).norm();
+  if (vertices.empty() || !(half > 0) || !std::isfinite(half)) return std::nullopt;
+  Scene scene = {low, half, std::vector<Point>(mesh.positions.size()), {}, std::nullopt};
+  execution.ForEach(std::ssize(vertices),
+                    [&](std::int64_t i) { scene.points[vertices[i]] = scene.PointAt(mesh.positions[vertices[i]]); });
+  vertices = InSpatialOrder(mesh.positions, vertices, execution);
+  if (execution.IsCancelled()) return std::nullopt;
+  std::vector<std::int32_t> rank(scene.points.size(), -1);
+  for (std::size_t i = 0; i < vertices.size(); ++i) rank[vertices[i]] = static_cast<std::int32_t>(i);
+  std::vector<std::array<Point, 3>> triangles;
+  for (const std::int32_t f : FacesByFirstVertex(mesh.faces, rank)) {
+    if (!mesh.IsInRange(mesh.faces[f])) continue;
+    scene.faces.push_back(f);
+    triangles.push_back(TriangleOf(scene.points, mesh.faces[f]));
+  }
+  scene.solid.emplace(std::move(triangles), execution);
+  return scene;
+}
+
+constexpr std::int64_t kSamples = 64;  // of a chunk
+
 // Spreads what some faces have to the others, over vertices.
 void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<float>* value) {
   const std::vector<Face>& faces = mesh.faces;
-  const Groups at = GroupByKey(static_cast<std::int32_t>(3 * faces.size()), mesh.num_vertices(), [&](std::int32_t c) {
-    return mesh.IsInRange(faces[c / 3]) ? faces[c / 3][c % 3] : -1;
-  });
+  const Groups at = GroupByKey(static_cast<std::int32_t>(3 * faces.size()), mesh.num_vertices(),
+                               [&](std::int32_t c) { return mesh.IsInRange(faces[c / 3]) ? faces[c / 3][c % 3] : -1; });
   std::vector<char> is_known(faces.size(), 0), is_spread(mesh.positions.size(), 0);
   for (const std::int32_t f : reached) is_known[f] = 1;
   for (std::size_t i = 0; i < reached.size(); ++i) {
@@ -202,56 +265,49 @@ void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<flo
 
 std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution) {
   std::vector<float> visibility(mesh.faces.size(), 1.0F);
-  std::vector<std::int32_t> vertices;
-  std::vector<char> has_face(mesh.positions.size(), 0);
-  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (const Face& face : mesh.faces) {
-    if (!mesh.IsInRange(face)) continue;
-    for (const std::int32_t v : face) {
-      if (!mesh.positions[v].allFinite()) return visibility;
-      if (std::exchange(has_face[v], 1)) continue;
-      vertices.push_back(v);
-      low = low.cwiseMin(mesh.positions[v]);
-      high = high.cwiseMax(mesh.positions[v]);
-    }
-  }
-  const double half = (high / 2 - low / 2).norm();
-  if (vertices.empty() || !(half > 0) || !std::isfinite(half)) return visibility;
-  std::vector<Point> points(mesh.positions.size());
-  execution.ForEach(std::ssize(vertices), [&](std::int64_t i) {
-    const std::int32_t v = vertices[i];
-    for (int k = 0; k < 3; ++k) points[v][k] = static_cast<float>((mesh.positions[v][k] / 2 - low[k] / 2) / half);
-  });
-  vertices = InSpatialOrder(mesh.positions, vertices, execution);
-  if (execution.IsCancelled()) return visibility;
-  std::vector<std::int32_t> rank(points.size(), -1);
-  for (std::size_t i = 0; i < vertices.size(); ++i) rank[vertices[i]] = static_cast<std::int32_t>(i);
-  std::vector<std::int32_t> faces;
-  std::vector<std::array<Point, 3>> triangles;
-  for (const std::int32_t f : FacesByFirstVertex(mesh.faces, rank)) {
-    if (!mesh.IsInRange(mesh.faces[f])) continue;
-    faces.push_back(f);
-    triangles.push_back(TriangleOf(points, mesh.faces[f]));
-  }
-  const Solid solid(std::move(triangles), execution);
-  const auto most =
-      static_cast<std::size_t>((kFirstRays + kRaysPerFace * static_cast<double>(faces.size())) / static_cast<double>(kRays));
-  const std::size_t stride = (faces.size() + most - 1) / most;
+  const std::optional<Scene> scene = MakeScene(mesh, execution);
+  if (!scene) return visibility;
+  const std::vector<std::int32_t>& faces = scene->faces;
+  const std::size_t most = scene->MostPlaces(), stride = (faces.size() + most - 1) / most;
   std::vector<std::int32_t> sampled;
   for (std::size_t i = 0; i < faces.size(); i += stride) sampled.push_back(faces[i]);
   const std::array<Point, kRays> directions = Directions();
-  constexpr std::int64_t kSamples = 64;  // of a chunk
   execution.For(
       std::ssize(sampled),
       [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
-          visibility[sampled[i]] = OpenShare(solid, TriangleOf(points, mesh.faces[sampled[i]]), directions);
+          visibility[sampled[i]] =
+              OpenShare(*scene->solid, TriangleOf(scene->points, mesh.faces[sampled[i]]), directions);
         }
       },
       kSamples);
   // What no vertex leads to has the value of what is near in space.
   for (std::size_t i = 0; i < faces.size(); ++i) visibility[faces[i]] = visibility[faces[i - i % stride]];
   Spread(mesh, std::move(sampled), &visibility);
+  return visibility;
+}
+
+std::vector<float> VisibilityFrom(const Mesh& mesh, const std::vector<Vec3>& places, const std::vector<Vec3>& normals,
+                                  const Execution& execution) {
+  std::vector<float> visibility(places.size(), 1.0F);
+  if (places.empty()) return visibility;
+  const std::optional<Scene> scene = MakeScene(mesh, execution);
+  if (!scene) return visibility;
+  const std::size_t most = scene->MostPlaces(), stride = (places.size() + most - 1) / most;
+  const std::array<Point, kRays> directions = Directions();
+  execution.For(
+      static_cast<std::int64_t>((places.size() + stride - 1) / stride),
+      [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) {
+          const std::size_t at = static_cast<std::size_t>(i) * stride;
+          Point normal = {static_cast<float>(normals[at].x()), static_cast<float>(normals[at].y()),
+                          static_cast<float>(normals[at].z())};
+          visibility[at] =
+              Normalize(&normal) ? OpenShare(*scene->solid, scene->PointAt(places[at]), normal, directions) : 0;
+        }
+      },
+      kSamples);
+  for (std::size_t i = 0; i < places.size(); ++i) visibility[i] = visibility[i - i % stride];
   return visibility;
 }
 

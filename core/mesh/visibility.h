@@ -18,6 +18,12 @@ namespace planish {
 // cancellation.
 std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution = {});
 
+// The same share as seen from places on the surface, more exactly: rays from the places themselves. `normals`:
+// outwards, of any length; 0: the share is 0. Of many places only some are looked at, evenly among them, within the
+// same time; the others have the share of the last one before them.
+std::vector<float> VisibilityFrom(const Mesh& mesh, const std::vector<Vec3>& places, const std::vector<Vec3>& normals,
+                                  const Execution& execution = {});
+
 // Of the edge between faces f and g: the mean.
 inline double EdgeVisibility(const std::vector<float>& visibility, std::int32_t f, std::int32_t g) {
   return (static_cast<double>(visibility[f]) + static_cast<double>(visibility[g])) / 2;

@@ -173,8 +173,8 @@ std::vector<Segmentation::Cut> ChartsToPart(const Job& job, const NeckOptions& o
   return cuts;
 }
 
-// Whether a chart is one polygon of three triangles or more. Two triangles of a polygon unfold side by side; more of them
-// may unfold onto each other.
+// Whether a chart is one polygon of three triangles or more. Two triangles of a polygon unfold side by side; more of
+// them may unfold onto each other.
 bool IsOnePolygon(const Job& job, const Chart& chart) {
   const std::vector<std::int32_t>& polygon = job.options.face_polygon;
   if (polygon.empty() || chart.faces.size() < 3) return false;
@@ -326,7 +326,8 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
     }
     bool is_faulty = !cut.part.empty() || cut.face >= 0;
     if (!is_faulty && seams.policy == SeamPolicy::kAuto) {
-      is_faulty = StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * job->options.MaxStretch();
+      is_faulty =
+          StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * job->options.MaxStretch();
     }
     if (is_faulty) cuts.push_back(std::move(cut));
   }

@@ -2,6 +2,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <utility>
@@ -16,6 +17,7 @@
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
+#include "core/unwrap/holes.h"
 #include "core/unwrap/long_needles.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
@@ -23,18 +25,20 @@
 namespace planish {
 namespace {
 
-// With SeamPolicy::kKeep every piece must be a disc as it is.
-absl::Status CheckPieces(const Segmentation& segmentation) {
+// With SeamPolicy::kKeep every piece must be part of a plane, with holes or without.
+absl::Status CheckPieces(const Mesh& mesh, const Charts& charts) {
   std::vector<std::int32_t> first_faces;
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(segmentation.charts().size()); ++i) {
-    if (segmentation.HasSlit(i)) first_faces.push_back(segmentation.charts()[i].front());
+  for (const MappedChart& mapped : charts.charts) {
+    const Chart& chart = mapped.chart;
+    if (chart.slits.empty() || HoledPieceOf(mesh, chart)) continue;
+    first_faces.push_back(*std::min_element(chart.faces.begin(), chart.faces.end()));
   }
   if (first_faces.empty()) return absl::OkStatus();
   const std::int64_t count = std::ssize(first_faces);
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
                    absl::StrCat(Counted(count, "piece", "pieces"),
-                                " between the given seams cannot lie flat without another seam (closed, with several "
-                                "boundary loops or with a handle); give more seams, or allow them to be added"),
+                                " between the given seams cannot lie flat without another seam (closed, or with a "
+                                "handle); give more seams, or allow them to be added (--seams=needed)"),
                    {{"count", absl::StrCat(count)}, {"faces", FirstFaces(first_faces)}});
 }
 
@@ -103,6 +107,15 @@ void RejoinCharts(const Job& job, Charts* charts) {
   Segmentation after(*surface, before, FirstStretch(job.options), silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
+}
+
+// Of a slit along the edge that this corner faces: its length; less where the surface bends, since a seam is hidden
+// there. Infinite inside of a polygon.
+double SlitCost(const Surface& surface, std::int32_t corner) {
+  constexpr double kSharpCost = 0.1;  // where it bends by a right angle or more
+  const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, corner);
+  if (surface.is_uncut(h)) return std::numeric_limits<double>::infinity();
+  return surface.length(h) * (1 - (1 - kSharpCost) * std::clamp(1 - surface.bend_cosine(h), 0.0, 1.0));
 }
 
 constexpr std::size_t kFewestToCut = 3;
@@ -254,7 +267,6 @@ absl::StatusOr<Charts> Segment(Job* job) {
     if (by_stretch) RejoinCharts(*job, &charts);
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
   if (!needles.empty()) {
     charts.reduction = ReduceLongNeedles(job->mesh, job->polygons, needles, charts.segmentation->charts(), job->options,
                                          &job->warnings);
@@ -279,7 +291,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
                          (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float));
   charts.resolution = is_double ? of_double : of_float;
   charts.charts.resize(charts.segmentation->charts().size());
+  charts.slits_are_moved = !by_stretch;
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
+  if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(job->mesh, charts));
   job->seconds.charts = timer.Restart();
   return charts;
 }
@@ -290,7 +304,11 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   charts->charts[i] = {};
   Chart& chart = charts->charts[i].chart;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  const FlatMesh disc = ChartMesh(gluing, faces, &charts->place, &slits);
+  FlatMesh disc = ChartMesh(gluing, faces, &charts->place, &slits);
+  if (charts->slits_are_moved) {
+    const auto cost = [&](std::int32_t c) { return SlitCost(*charts->surface, 3 * faces[c / 3] + c % 3); };
+    SlitAlongShortPaths(cost, &disc, &slits);
+  }
   chart = MakeChart(disc, faces, slits, execution.ForOneThread());
   charts->charts[i].is_worth_cutting = chart.faces.size() >= kFewestToCut && CanBeParted(*charts->surface, chart);
   chart.enlargement = charts->ReductionOf(chart.faces);

@@ -104,7 +104,9 @@ struct Charts {
   std::int64_t given_up = 0;
   int widenings = 0;               // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;  // no vector: charts are added to many that are large
-  bool are_joined = false;         // charts that are no worse together have been joined (JoinCharts)
+  // Whether slits run along short paths, not as the segmentation has them: where given seams decide.
+  bool slits_are_moved = false;
+  bool are_joined = false;  // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
@@ -119,8 +121,8 @@ struct Charts {
 };
 
 // Imports the mesh and cuts it into discs as SeamOptions::policy says. Errors: those of CheckDisc() for kNone, of
-// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep; CANCELLED. Warnings: FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD,
-// ORIENTATION_INCONSISTENT.
+// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep (closed, or with a handle); CANCELLED. Warnings:
+// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT.
 absl::StatusOr<Charts> Segment(Job* job);
 
 // Makes chart i of its faces in the segmentation.
@@ -297,10 +299,20 @@ void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& pol
 // POLYGON_TORN, with the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
-// SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others, `given_up` of
-// these others because of the work that their solves took.
-void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::int64_t given_up,
-                      std::vector<UnwrapWarning>* warnings);
+// Seams beside the given ones.
+struct AddedSeams {
+  std::int64_t with_holes = 0;           // charts with holes that were slit open
+  std::int64_t others = 0;               // the same of charts that are closed or have handles
+  std::int64_t slit_edges = 0;           // of the slits of all of these
+  std::int64_t split = 0;                // charts that came from splitting others
+  std::int64_t given_up = 0;             // of these others: because of the work that their solves took
+  std::vector<std::int32_t> faces = {};  // one on each slit edge
+};
+// With SeamPolicy::kKeep and kNeeded. `first_count`: charts before any was split.
+AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count);
+
+// SEAMS_ADDED.
+void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
 // NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP,
 // STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been

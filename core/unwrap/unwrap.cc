@@ -214,10 +214,8 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
       is_draft = goes_on;
       continue;
     }
-    if (options.seams.policy == SeamPolicy::kNeeded) {
-      const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
-      WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
-                       charts.given_up, &job.warnings);
+    if (charts.slits_are_moved) {
+      WarnOfAddedSeams(FindAddedSeams(mesh, charts, first_count), options.seams.policy, &job.warnings);
     }
     return Report(&job, charts, *atlas, std::move(delivery));
   }

@@ -33,8 +33,10 @@ enum class Precision {
 // each other. Where more than two faces meet, pairs of them stay joined, the flattest first, and charts end between
 // others.
 enum class SeamPolicy {
-  kNone,    // none: the mesh must be a disc
-  kKeep,    // the given seams and no others: the pieces must be discs
+  kNone,  // none: the mesh must be a disc
+  // The given seams, and slits in pieces with holes that have no other sound map with a stretch of 2 or less (warning
+  // SEAMS_ADDED). Closed pieces, and those with handles, are refused.
+  kKeep,
   kNeeded,  // the given seams, and more only where a piece is no disc or no map keeps its borders
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };

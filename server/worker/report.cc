@@ -169,6 +169,9 @@ v1::Quality ToProto(const Quality& quality) {
   proto.set_stretch_l2(quality.stretch_l2);
   proto.set_packing_efficiency(quality.packing_efficiency);
   proto.set_seam_length(quality.seam_length);
+  proto.set_visible_seam_length(quality.visible_seam_length);
+  proto.set_seam_turn_deg(quality.seam_turn_deg);
+  if (quality.seam_symmetry) proto.set_seam_symmetry(*quality.seam_symmetry);
   return proto;
 }
 

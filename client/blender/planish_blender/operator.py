@@ -36,7 +36,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         items=(
             ("AUTO", "For Stretch", "As many more as keep the stretch of every chart below the limit"),
             ("NEEDED", "Where Needed", "Only where a part between the seams cannot lie flat otherwise"),
-            ("KEEP", "Nowhere", "A part between the seams that cannot lie flat is an error"),
+            ("KEEP", "Nowhere", "A part with holes is slit where it has no other map; a closed part is an error"),
         ),
         default="AUTO",
     )
