@@ -133,7 +133,7 @@ TEST(AccessFile, ErrorsNameFileLineAndKey) {
       {credential + "user: 1\n        certificate: x\n", "access.yaml:4: tenants.a.credentials[0]: expected exactly"},
       {credential + "user: no-such-user-here\n", "tenants.a.credentials[0].user: this system has no user no-such"},
       {credential + token + "rights: [fly]\n", "access.yaml:5: tenants.a.credentials[0].rights[0]: unknown right: fly"},
-      {credential + token + "rights: []\n", "access.yaml:5: tenants.a.credentials[0].rights: there are none"},
+      {credential + token + "rights: []\n", "access.yaml:5: tenants.a.credentials[0].rights: the list is empty"},
       {credential + token + "expires: soon\n", "access.yaml:5: tenants.a.credentials[0].expires: expected a time"},
       {credential + token + "until: soon\n", "access.yaml:5: tenants.a.credentials[0].until: no such key"},
       {credential + "user: 1\n      - user: 1\n",
