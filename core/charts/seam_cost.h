@@ -1,4 +1,4 @@
-// What seams cost: the one objective that all steps with SeamPreference::kSeams lower.
+// What seams cost: the objective of gluing and of moving seams with SeamPreference::kSeams.
 //
 //   E = (sum over seams of length * visibility * crease + turning) / root of the area
 //       + stretch_price * (L2^2 - 1) + chart_price * charts

@@ -41,11 +41,11 @@ class Options:
     """Of an unwrap, named as planish.UnwrapOptions has them."""
 
     seams: str = "auto"
-    max_stretch: float = 1.25
+    max_stretch: float = 1.05
     texture_size: int = 1024
     padding: int = 2
     boundary: str = "free"
-    prefer: str = "seams"
+    prefer: str = "texture"
 
 
 @dataclass
@@ -191,7 +191,7 @@ class _PackageCall:
                 face_polygon=sheet.polygon,
                 seams=options.seams,
                 max_stretch=options.max_stretch if options.seams == "auto" else None,
-                prefer=options.prefer if options.seams == "auto" else "seams",
+                prefer=options.prefer if options.seams == "auto" else "texture",
                 texture_size=options.texture_size,
                 padding=options.padding,
                 boundary=options.boundary,
