@@ -2,15 +2,19 @@
 # Copies programs and all libraries that they load into a directory that becomes a root or part of one. Each library
 # comes with its licence and with its package's record, by which scanners identify it.
 #
-#   deploy/libraries.sh PREFIX ROOT      PREFIX: where cmake --install installed planish
+#   deploy/libraries.sh PREFIX ROOT [PROGRAM...]      PREFIX: where cmake --install installed planish; PROGRAM: [all three]
 set -eu
 prefix=$1
 root=$2
+shift 2
+[ $# -gt 0 ] || set -- planish planishd planishd-farm
+# Compiled into the programs: libraries that are headers.
+headers="libeigen3-dev libcli11-dev nlohmann-json3-dev"
 
 mkdir -p "$root/usr/lib" "$root/usr/lib64" "$root/usr/local/bin" "$root/var/lib/dpkg/status.d"
 ln -s usr/lib "$root/lib"
 ln -s usr/lib64 "$root/lib64"
-cp "$prefix/bin/planish" "$prefix/bin/planishd" "$prefix/bin/planishd-farm" "$root/usr/local/bin/"
+for program in "$@"; do cp "$prefix/bin/$program" "$root/usr/local/bin/"; done
 
 libraries=$(ldd "$root"/usr/local/bin/* | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^[[:space:]]*\(\/[^ ]*\) (.*/\1/p' | sort -u)
 files=
@@ -32,7 +36,12 @@ for file in $files; do
     exit 1
   }
 done
-for package in ca-certificates $(printf '%s\n' "$owners" | cut -d : -f 1 | sort -u); do
-  dpkg-query --status "$package" >"$root/var/lib/dpkg/status.d/$package"
+for package in ca-certificates $headers $(printf '%s\n' "$owners" | cut -d : -f 1 | sort -u); do
+  case " $headers " in *" $package "*) ;; *) dpkg-query --status "$package" >"$root/var/lib/dpkg/status.d/$package" ;; esac
   install -D -m 644 "/usr/share/doc/$package/copyright" "$root/usr/share/doc/$package/copyright"
+done
+# Debian's files about licences name the longer ones instead of quoting them.
+mkdir -p "$root/usr/share/common-licenses"
+grep -rhoE '/usr/share/common-licenses/[A-Za-z0-9.-]*[A-Za-z0-9]' "$root/usr/share/doc" | sort -u | while read -r licence; do
+  [ ! -f "$licence" ] || cp -L "$licence" "$root/usr/share/common-licenses/"
 done

@@ -66,3 +66,63 @@ foreign=$(LD_DEBUG=libs "$work/moved/bin/planishd-farm" --version 2>&1 | sed -n 
 [ -z "$foreign" ] || fail "libraries of this machine: $foreign"
 env -u PLANISHD PATH=/nowhere "$work/link" unwrap "$source/tests/data/spot_seam.obj" -o "$work/out.obj" --progress=none
 grep -q '^vt ' "$work/out.obj" || fail "no UV"
+[ -s "$work/moved/share/doc/libraries/libc6/copyright" ] || fail "the tarball lacks licences"
+
+# The wheel with the server, unpacked as Blender does that, without modes: its programs run all the same. Only they and their libraries are in it.
+"$source/deploy/relocatable.sh" "$build" "$work/prefix" "$work/root" planish planishd
+[ ! -e "$work/root/libexec/planishd-farm" ] && [ ! -e "$work/root/lib/libpq.so.5" ] || fail "the wheel has more than it needs"
+/usr/bin/python3 "$source/client/python/build_package.py" server "$build"/client/python/dist/planish-*-none-any.whl "$work/root" "$work"
+wheel=$(echo "$work"/planish-*-py3-none-manylinux_2_17_*.whl)
+[ "$(stat -c %s "$wheel")" -lt 35000000 ] || fail "the wheel has more than 35 MB"
+/usr/bin/python3 - "$wheel" "$work/site" "$source" "$work" <<'END'
+import base64, csv, hashlib, importlib.util, io, os, pathlib, re, subprocess, sys, zipfile
+
+path, site, source, work = sys.argv[1:]
+with zipfile.ZipFile(path) as wheel:
+    wheel.extractall(site)
+    names = {entry.filename: entry.external_attr >> 16 for entry in wheel.infolist()}
+    (info,) = {name.split("/")[0] for name in names if ".dist-info/" in name}
+    for name, digest, size in csv.reader(io.StringIO(wheel.read(f"{info}/RECORD").decode())):
+        mode = names.pop(name)
+        if digest:
+            content = wheel.read(name)
+            assert (f"sha256={base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b'=').decode()}", str(len(content))) == (digest, size), name
+            assert bool(mode & 0o111) == (re.search(r"/(bin|libexec|scripts)/|/lib/(loader|libc\.so\.6)$", name) is not None), name
+    assert not names, names  # each file is in the record, by which pip removes it
+    assert f"Tag: {os.path.basename(path)[:-4].split('-', 2)[2]}\n" in wheel.read(f"{info}/WHEEL").decode()
+# Each library belongs to a package, and the licence of each package is there; the longer texts that they name too.
+docs = pathlib.Path(site, "planish/_server/share/doc")
+packages = [line.split("\t")[0] for line in (docs / "libraries/PACKAGES").read_text().splitlines() if "\t" in line]
+assert {"libc6", "libgrpc29", "libprotobuf32", "libssl3"} <= set(packages), packages
+for package in [*packages, "libeigen3-dev", "nlohmann-json3-dev"]:
+    text = (docs / "libraries" / package / "copyright").read_text(errors="replace")
+    for name in re.findall(r"/usr/share/common-licenses/([A-Za-z0-9.-]*[A-Za-z0-9])", text):
+        assert not os.path.exists("/usr/share/common-licenses/" + name) or (docs / "libraries/common-licenses" / name).exists(), name
+assert "three.js" in (docs / "planish/three.js.LICENSE").read_text()
+
+code = f"""if True:
+    import sys
+    sys.path.insert(0, {site!r})
+    import planish
+    assert planish.find_planishd() == {site!r} + "/planish/_server/bin/planishd", planish.find_planishd()
+    assert planish.unwrap([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).is_usable
+"""
+environment = {"PATH": "/nowhere"}
+subprocess.run([sys.executable, "-I", "-B", "-c", code], check=True, env=environment)
+# The command without gRPC for Python, as the extension of Blender uses it where it brings none.
+sys.path[:0] = [site, source + "/client/blender/planish_blender"]
+engines = importlib.import_module("engines")
+assert engines._own_command() == site + "/planish/_server/bin/planish", engines._own_command()
+script = pathlib.Path(site, info.replace("dist-info", "data"), "scripts/planish")
+said = subprocess.run([sys.executable, script, "version"], env={**environment, "PYTHONPATH": site}, check=True, stdout=subprocess.PIPE, text=True).stdout
+assert f"({site}/planish/_server/bin/planishd;" in said, said
+
+# The extension of Blender: its manifest names what is in it.
+extension = os.path.join(work, "extension.zip")
+subprocess.run([sys.executable, source + "/client/blender/build_addon.py", "extension", extension, "1.2.3", source + "/LICENSE", "linux-x64", path], check=True)
+with zipfile.ZipFile(extension) as archive:
+    manifest = archive.read("blender_manifest.toml").decode()
+    assert 'version = "1.2.3"' in manifest and 'platforms = ["linux-x64"]' in manifest and "[permissions]" in manifest
+    assert {name[2:] for name in re.findall(r'"(\./wheels/[^"]*)"', manifest)} == {name for name in archive.namelist() if name.startswith("wheels/")}
+    assert {"__init__.py", "engines.py", "LICENSE"} <= set(archive.namelist())
+END

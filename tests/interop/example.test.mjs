@@ -1,4 +1,4 @@
-// The example for JavaScript, client/javascript/unwrap.mjs, as a program and as a module.
+// The example for JavaScript, proto/unwrap.mjs, as a program and as a module.
 import assert from 'node:assert/strict';
 import {execFile} from 'node:child_process';
 import {mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';

@@ -1,6 +1,7 @@
 """Two ways to have a mesh unwrapped: the Python package, and the command. Nothing here knows Blender."""
 
 import importlib
+import importlib.util
 import json
 import os
 import re
@@ -31,6 +32,7 @@ class Settings:
     tls_ca_file: str = ""
     token: str = ""
     token_file: str = ""
+    online: bool = True  # whether Blender's preferences allow access to a network
     engine: str = "AUTO"  # or "PACKAGE", "COMMAND"
     planishd: str = ""
     command: str = ""
@@ -91,6 +93,9 @@ def engine(settings):
     """The way that goes here, as a function start(sheet, options) -> call. Raises Failed if there is none."""
     if settings.where == "SERVER" and not settings.address:
         raise Failed("The preferences of the add-on ask for a server at an address, but name none")
+    named = _named_server(settings)
+    if not settings.online and named and not _is_local(named):
+        raise Failed(f"The server {named} is on a network, and Blender's preferences do not allow that: System > Network > Allow Online Access")
     why = ""
     if settings.engine != "COMMAND":
         try:
@@ -100,11 +105,23 @@ def engine(settings):
             why = f"the Python package cannot be used ({error})"
             if settings.engine == "PACKAGE":
                 raise Failed(f"T{why[1:]}; grpcio and protobuf must be installed in Blender's Python") from error
-    command = settings.command or shutil.which("planish")
+    command = settings.command or _own_command() or shutil.which("planish")
     if not command or not os.path.isfile(command):
         missing = f"{command} is not a program" if command else "there is no planish command in PATH"
         raise Failed(f"No way to a planish server: {missing}{'; ' + why if why else ''}. The preferences of the add-on name the programs")
     return lambda sheet, options: _CommandCall(command, settings, sheet, options)
+
+
+def _named_server(settings):
+    """The address of the server that is asked for; empty: a private one."""
+    if settings.where == "PRIVATE":
+        return ""
+    return settings.address if settings.where == "SERVER" else os.environ.get("PLANISH_SERVER", "")
+
+
+def _is_local(target):
+    host = target.rpartition(":")[0].strip("[]")
+    return target.startswith(("unix:", "unix-abstract:")) or host in ("localhost", "::1") or host.startswith("127.")
 
 
 # The Python package -----------------------------------------------------------------------------------------------------
@@ -134,6 +151,17 @@ def _package():
             sys.modules.pop("__mp_main__", None)
 
 
+def _own_command():
+    """The command that the package brings in its wheel for Linux; it works without grpcio."""
+    spec = importlib.util.find_spec("planish")
+    path = os.path.join(os.path.dirname(spec.origin), "_programs.py") if spec and spec.origin else ""
+    if not os.path.isfile(path):
+        return None
+    module = importlib.util.module_from_spec(importlib.util.spec_from_file_location("planish_programs", path))
+    module.__spec__.loader.exec_module(module)
+    return module.own_program("planish")
+
+
 _clients = {}  # of what they were made from
 _servers = {}  # private ones, of the program
 
@@ -148,8 +176,8 @@ def _private_server(package, program):
 
 def _client(settings, package):
     try:
-        named = settings.address if settings.where == "SERVER" else os.environ.get("PLANISH_SERVER", "")
-        if settings.where == "PRIVATE" or not named:
+        named = _named_server(settings)
+        if not named:
             target, connection = _private_server(package, settings.planishd).target, None
         else:
             target = named

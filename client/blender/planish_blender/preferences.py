@@ -63,7 +63,7 @@ def settings(context):
     addon = context.preferences.addons.get(__package__)
     chosen = addon.preferences if addon is not None else None
     if chosen is None:
-        return Settings()
+        return Settings(online=getattr(bpy.app, "online_access", True))
 
     def path(value):
         return bpy.path.abspath(value) if value else ""
@@ -75,6 +75,7 @@ def settings(context):
         tls_ca_file=path(chosen.tls_ca_file),
         token=chosen.token,
         token_file=path(chosen.token_file),
+        online=getattr(bpy.app, "online_access", True),  # 4.2 and later
         engine=chosen.engine,
         planishd=path(chosen.planishd),
         command=path(chosen.command),

@@ -19,10 +19,10 @@ from multiprocessing import spawn
 from typing import IO, Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import grpc
-import grpc.aio
+from google.protobuf import descriptor_pb2
 
 from . import errors
-from ._connection import Connection
+from ._connection import Connection, aio
 from .v1 import planish_pb2
 
 _HEADER = struct.Struct("<IBI")
@@ -32,6 +32,9 @@ _UNARY, _STREAM, _CANCEL = 0, 1, 2
 _MESSAGE, _END = 0, 1
 
 SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
+_file = descriptor_pb2.FileDescriptorProto.FromString(planish_pb2.DESCRIPTOR.serialized_pb)
+#: By name; whether they are streams is not in the descriptors of older versions of protobuf.
+METHODS = {method.name: method for service in _file.service for method in service.method}
 _PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
@@ -72,7 +75,7 @@ def serve() -> None:
         try:
             try:
                 if kind == _UNARY:
-                    is_many = SERVICE.methods_by_name[method].client_streaming
+                    is_many = METHODS[method].client_streaming
                     call = (channel.stream_unary if is_many else channel.unary_unary)(_PATH + method)
                     answer = call(iter([request]) if is_many else request, timeout=timeout, metadata=metadata)
                     writer.write(number, _MESSAGE, answer)
@@ -115,7 +118,8 @@ class Bridge:
         executable = os.fsdecode(spawn.get_executable())
         try:
             self._process = subprocess.Popen(
-                [executable, "-c", code],
+                # As this Python was started: -I and -E keep its environment and directory out of this one as well.
+                [executable, *subprocess._args_from_interpreter_flags(), "-c", code],  # type: ignore[attr-defined]
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C is for this process, which cancels what it wants cancelled
@@ -147,7 +151,7 @@ class Bridge:
         with self._lock:
             number = self._next = self._next + 1
             self._takers[number] = taker
-        if SERVICE.methods_by_name[method].client_streaming:
+        if METHODS[method].client_streaming:
             (request,) = request
         content = pickle.dumps((method, request.SerializeToString(), timeout, list(metadata)))
         try:
@@ -271,7 +275,7 @@ class BlockingStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = SERVICE.methods_by_name[method].server_streaming
+        is_stream = METHODS[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _BlockingCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)
@@ -310,8 +314,8 @@ class _AioCall(_Answers):
         end = self.end(content)
         if end is not None:
             code, details, trailing = end
-            raise grpc.aio.AioRpcError(code, grpc.aio.Metadata(), grpc.aio.Metadata(*trailing), details)
-        return grpc.aio.EOF
+            raise aio.AioRpcError(code, aio.Metadata(), aio.Metadata(*trailing), details)
+        return aio.EOF
 
     def cancel(self) -> None:
         self._bridge.cancel(self._number)
@@ -324,7 +328,7 @@ class AioStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = SERVICE.methods_by_name[method].server_streaming
+        is_stream = METHODS[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _AioCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)

@@ -12,12 +12,13 @@ from typing import Any, Callable, List, Optional, Sequence, Tuple, Union
 from . import errors
 from ._connection import is_unix
 from ._request import NewJob, new_request_id, spec_message
-from ._retry import Deadline, Patience, RetryPolicy
+from ._retry import Deadline, Patience, RetryPolicy, is_broken
 from ._status import error_of_status
 from ._transport import LAST_WORD_SECONDS, Transport
 from .errors import Error
 from .job import Capabilities, Job, JobEstimate, from_proto
 from .mesh import PackedMesh
+from .private_server import revive
 from .v1 import job_pb2, planish_pb2
 
 #: Answers that carry no mesh must not take longer.
@@ -90,8 +91,14 @@ class Calls:
             raise
 
     async def pause(self, error: Error, patience: Patience, wake: Optional[threading.Event] = None) -> float:
-        """Waits before the next attempt; raises `error`, or what stands for it, if there is to be none."""
+        """Waits before the next attempt; raises `error`, or what stands for it, if there is to be none.
+
+        A private server of this process that has crashed is started again, once for each call."""
         transport = self.transport
+        if is_broken(error) and revive(transport.connection.target, patience.has_revived):
+            patience.has_revived = True
+            await transport.close()  # the channel may be waiting before it connects again
+            return 0.0
         seconds = patience.pause(error, reached=transport.reached, target=transport.connection.target)
         await transport.sleep(seconds, wake)
         return seconds

@@ -9,6 +9,11 @@ from typing import Any, List, Optional, Tuple
 
 import grpc
 
+try:
+    from grpc import aio
+except ImportError:  # grpcio 1.30 and 1.31
+    from grpc.experimental import aio  # type: ignore[no-redef]
+
 from ._version import __version__
 from .errors import InvalidArgument
 

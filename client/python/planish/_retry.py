@@ -85,6 +85,8 @@ class Patience:
         self._attempts = 0
         self._lost_since: Optional[float] = None
         self._waited_for_room = 0.0
+        #: For this call a private server has been started again.
+        self.has_revived = False
 
     def succeeded(self) -> None:
         """Something came through: the next trouble is a new one."""

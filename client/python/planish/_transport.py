@@ -14,11 +14,10 @@ import weakref
 from typing import Any, Coroutine, Dict, List, Optional, Sequence, Tuple, TypeVar
 
 import grpc
-import grpc.aio
 
 from . import errors
-from ._bridge import SERVICE, AioStub, BlockingStub, Bridge
-from ._connection import Connection
+from ._bridge import METHODS, AioStub, BlockingStub, Bridge
+from ._connection import Connection, aio
 from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
 
@@ -101,7 +100,7 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
 
 def _outgoing(method: str, request: Any) -> Any:
     """What the stub takes: of a call with many messages, this one."""
-    return iter([request]) if SERVICE.methods_by_name[method].client_streaming else request
+    return iter([request]) if METHODS[method].client_streaming else request
 
 
 def _is_lost(channel: Any) -> bool:
@@ -207,7 +206,7 @@ class AioTransport(Transport):
         if known is None or known[0] is not loop or _is_lost(known[1]):
             for key in [key for key, (old, _, _) in self._stubs.items() if old.is_closed()]:
                 del self._stubs[key]
-            known = self._stubs[id(loop)] = (loop, *_connect(self.connection, grpc.aio, AioStub))
+            known = self._stubs[id(loop)] = (loop, *_connect(self.connection, aio, AioStub))
         return getattr(known[2], name)
 
     async def close(self) -> None:
@@ -221,7 +220,7 @@ class AioTransport(Transport):
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:
             answer = await self._method(method)(_outgoing(method, request), timeout=timeout, metadata=metadata)
-        except grpc.aio.AioRpcError as error:
+        except aio.AioRpcError as error:
             raise self._error(error) from None
         self.reached = True
         return answer
@@ -241,9 +240,9 @@ class _AioStream(Stream):
     async def read(self) -> Any:
         try:
             message = await self._call.read()
-        except grpc.aio.AioRpcError as error:
+        except aio.AioRpcError as error:
             raise self._transport._error(error) from None
-        if message is grpc.aio.EOF:
+        if message is aio.EOF:
             return None
         self._transport.reached = True
         return message

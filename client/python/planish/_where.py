@@ -11,8 +11,8 @@ from ._connection import ConnectionOptions
 from ._retry import RetryPolicy
 from .private_server import default_server
 
-#: A private server that is lost does not come back.
-_PRIVATE_PATIENCE_SECONDS = 1.0
+#: A private server that was lost comes back at once (private_server.revive()), or not at all.
+_PRIVATE_PATIENCE_SECONDS = 5.0
 
 
 @dataclass(frozen=True)

@@ -384,7 +384,7 @@ def _value(message: Any, descriptor: Any) -> Any:
         return value.seconds + 1e-9 * value.nanos
     is_set = message.HasField(descriptor.name)
     if name == "google.protobuf.Timestamp":
-        return value.ToDatetime(tzinfo=datetime.timezone.utc) if is_set else None
+        return value.ToDatetime().replace(tzinfo=datetime.timezone.utc) if is_set else None
     if name == "planish.rpc.Status":
         return _job_error(value) if is_set else None
     cls = _NESTED[name]

@@ -14,6 +14,7 @@ import time
 import weakref
 from typing import Any, Callable, List, Optional, Sequence
 
+from ._programs import is_program, own_program
 from .errors import Unavailable
 
 # The server drains without grace when we let go; one that hangs is not waited for much longer than that.
@@ -26,20 +27,20 @@ def _failed(message: str) -> Unavailable:
     return Unavailable(message, reason="PRIVATE_SERVER_FAILED")
 
 
-def _is_program(path: str) -> bool:
-    return os.path.isfile(path) and os.access(path, os.X_OK)
-
-
 def find_planishd() -> Optional[str]:
-    """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else beside the running Python, else in PATH.
+    """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else the one in this package's wheel, else the one beside
+    the running Python, else the one in PATH.
 
     None if there is none; where $PLANISHD is set, nothing else is looked at.
     """
     named = os.environ.get("PLANISHD", "")
     if named:
-        return named if _is_program(named) else None
+        return named if is_program(named) else None
+    own = own_program("planishd")
+    if own is not None:
+        return own
     beside = os.path.join(os.path.dirname(sys.executable or ""), "planishd")
-    if os.path.isabs(beside) and _is_program(beside):
+    if os.path.isabs(beside) and is_program(beside):
         return beside
     return shutil.which("planishd")
 
@@ -57,7 +58,24 @@ class _Running:
         self.supervisor, self.theirs = socket.socketpair()
         _running.add(self)
 
-    def start(self, arguments: List[str]) -> None:
+    def start(self, arguments: List[str], timeout_seconds: float) -> None:
+        self._started = (arguments, timeout_seconds)
+        self._spawn(arguments)
+        self._wait_until_ready(timeout_seconds)
+
+    def start_again(self) -> None:
+        """After its end, at the same address."""
+        assert self.process is not None
+        self.process.wait()
+        self.supervisor.close()
+        self.supervisor, self.theirs = socket.socketpair()
+        try:
+            os.unlink(f"{self.directory}/socket")
+        except FileNotFoundError:
+            pass
+        self.start(*self._started)
+
+    def _spawn(self, arguments: List[str]) -> None:
         # Variables like PLANISHD_QUEUE configure the planishd of this machine, if there is one, and not private ones.
         environment = {key: value for key, value in os.environ.items() if not key.startswith("PLANISHD_")}
         flags = [f"--listen=unix:{self.directory}/socket", f"--supervisor-fd={self.theirs.fileno()}", "--log-level=warn"]
@@ -75,16 +93,16 @@ class _Running:
         except OSError as error:
             raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
 
-    def wait_until_ready(self, seconds: float) -> None:
+    def _wait_until_ready(self, seconds: float) -> None:
         end = time.monotonic() + seconds
         said = b""
         while b"\n" not in said:
             ready, _, _ = select.select([self.supervisor], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise _failed(f"{self.executable} did not become ready in time{self._log_suffix()}")
+                raise _failed(f"{self.executable} did not become ready in time{self.log_suffix()}")
             piece = self.supervisor.recv(64)
             if not piece:
-                raise _failed(f"{self.executable} {self._how_it_ended()} while it started{self._log_suffix()}")
+                raise _failed(f"{self.executable} {self._how_it_ended()} while it started{self.log_suffix()}")
             said += piece
         if not said.startswith(b"ready\n"):
             raise _failed(f"{self.executable} said {said!r} instead of 'ready'")
@@ -97,7 +115,7 @@ class _Running:
             return "let go of us"
         return f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
 
-    def _log_suffix(self) -> str:
+    def log_suffix(self) -> str:
         text = self.read_log().rstrip("\n")
         return "\n" + text if text else ""
 
@@ -145,9 +163,11 @@ class PrivateServer:
         self.executable = executable or find_planishd() or ""
         if not self.executable:
             named = os.environ.get("PLANISHD", "")
-            where = f": $PLANISHD is {named}, which is not a program" if named else " in $PLANISHD, beside Python or in PATH"
+            where = " in $PLANISHD, in this package, beside Python or in PATH. The package's wheel for Linux brings one; on other "
+            where += "systems $PLANISH_SERVER names a server that runs elsewhere, host:port"
+            where = f": $PLANISHD is {named}, which is not a program" if named else where
             raise _failed(f"cannot find planishd{where}")
-        if not _is_program(self.executable):
+        if not is_program(self.executable):
             raise _failed(f"{self.executable} is not a program")
         self._running = _Running(self.executable)
         # Runs when this object goes, and when Python ends.
@@ -157,8 +177,7 @@ class PrivateServer:
         if threads is not None:
             arguments.append(f"--threads={threads}")
         try:
-            self._running.start([*arguments, *extra_arguments])
-            self._running.wait_until_ready(start_timeout_seconds)
+            self._running.start([*arguments, *extra_arguments], start_timeout_seconds)
         except BaseException:
             self.close()
             raise
@@ -179,6 +198,11 @@ class PrivateServer:
         """Whether planishd runs. A forked child cannot know and takes it that it does."""
         process = self._running.process
         return process is not None and (os.getpid() != self._running.owner or process.poll() is None)
+
+    def start_again(self) -> None:
+        """Starts planishd anew, at the same address, if it has crashed; its jobs are lost. Raises as the constructor does."""
+        if not self.is_running:
+            self._running.start_again()
 
     def log(self) -> str:
         """What it wrote to stderr so far."""
@@ -227,17 +251,31 @@ _default: Optional[PrivateServer] = None
 
 def default_server() -> PrivateServer:
     """The one private server of this process, for all who name none. Started by the first call, ended when Python ends. One
-    that was lost is replaced. Forked children share the server of their parent, if the parent had one by then.
+    that has crashed is started again, at the same address. Forked children share the server of their parent, if the parent had one
+    by then.
 
     It has a worker for each two cores, at most four: callers of several threads share it.
     """
     global _default
     with _lock:
-        if _default is None or not _default.is_running:
-            if _default is not None:
-                _default.close()
+        if _default is None:
             _default = PrivateServer(workers=max(1, min(4, (os.cpu_count() or 1) // 2)))
+        elif not _default.is_running:
+            _default.start_again()
         return _default
+
+
+def revive(target: str, was_revived: bool) -> bool:
+    """Starts the server of this process again if it is the one at `target` and has crashed; whether it did so. `was_revived`: for the
+    same call. Then the call may be why it crashes: raises :class:`planish.Unavailable`."""
+    with _lock:
+        server = _default
+        if server is None or server.pid == 0 or server.target != target or server.is_running:
+            return False
+        if was_revived:
+            raise _failed(f"planishd crashed, was started again and crashed again during one call{server._running.log_suffix()}")
+        server.start_again()
+        return True
 
 
 def close_default_server() -> None:

@@ -116,6 +116,53 @@ class OwnServer(unittest.TestCase):
         (other,) = support.children()
         self.assertNotEqual(other, server)
 
+    def test_crash_costs_a_call_nothing_and_a_second_one_the_call(self):
+        positions, triangles = support.ball(60)
+        planish.unwrap(positions, triangles)
+        client, crashes = planish.client.default_client(), []
+
+        def crash(most):
+            del crashes[:]
+
+            def kill(_):
+                (server,) = support.children()
+                if len(crashes) < most and server not in crashes:
+                    crashes.append(server)
+                    os.kill(server, 9)
+
+            return kill
+
+        result = planish.unwrap(positions * 2, triangles, on_progress=crash(1))
+        self.assertTrue(result.is_usable)
+        self.assertEqual(len(crashes), 1)
+        (again,) = support.children()
+        self.assertNotIn(again, crashes)
+        self.assertIs(planish.client.default_client(), client)  # the server is where it was
+        with self.assertRaisesRegex(planish.Unavailable, "crashed again"):
+            planish.unwrap(positions * 3, triangles, on_progress=crash(9))
+        self.assertEqual(len(crashes), 2)
+        self.assertEqual(support.children(), [])
+        self.assertTrue(client.unwrap(positions * 4, triangles).is_usable)
+        # A child that is forked shares it.
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            self.assertEqual(pool.map(unwrap_without_address, [5])[0][1:], (True, []))
+
+    def test_each_process_has_its_own_also_when_isolated(self):
+        code = """if True:
+            import sys
+            sys.path[:] = {path!r} + sys.path
+            import multiprocessing, os, planish, support
+            def unwrap(i):
+                return planish.unwrap(*support.cube(), padding=i).is_usable, support.children(), planish.client.default_client().target
+            print(unwrap(0)[2])
+            with multiprocessing.get_context("fork").Pool(4) as pool:
+                print({{(usable, len(children)) for usable, children, _ in pool.map(unwrap, range(4), chunksize=1)}})
+        """.format(path=os.environ["PYTHONPATH"].split(":"))
+        done = subprocess.run([sys.executable, "-I", "-c", code], check=True, stdout=subprocess.PIPE, text=True, timeout=60)
+        target, pool = done.stdout.splitlines()
+        self.assertEqual(pool, "{(True, 0)}")
+        self.assertNotEqual(target, planish.private_server.default_server().target)
+
     def test_ends_with_the_process(self):
         # Whatever its end: at exit, killed, by a child that was forked and lives on.
         code = """if True:

@@ -3,7 +3,7 @@
 //   npm install @grpc/grpc-js @grpc/proto-loader
 //   node unwrap.mjs 127.0.0.1:7741 in.obj out.obj
 //
-// $PLANISH_PROTO is the folder of the .proto files [../../proto from here].
+// $PLANISH_PROTO is the folder of the .proto files [this one].
 import grpc from '@grpc/grpc-js';
 import protoLoader from '@grpc/proto-loader';
 import {randomUUID} from 'node:crypto';
@@ -11,7 +11,7 @@ import {readFileSync, writeFileSync} from 'node:fs';
 import {setTimeout} from 'node:timers/promises';
 import {fileURLToPath} from 'node:url';
 
-const includeDirs = [process.env.PLANISH_PROTO ?? fileURLToPath(new URL('../../proto', import.meta.url))];
+const includeDirs = [process.env.PLANISH_PROTO ?? fileURLToPath(new URL('.', import.meta.url))];
 const definition = protoLoader.loadSync('planish/v1/planish.proto', {includeDirs, enums: String, longs: Number, oneofs: true});
 const {Planish} = grpc.loadPackageDefinition(definition).planish.v1;
 const bytesOf = (array) => Buffer.from(array.buffer, array.byteOffset, array.byteLength);
