@@ -21,4 +21,4 @@ case ${1:-} in
 esac
 shift
 export PLANISH_PRESET=$preset
-exec deploy/test.sh -E '^(blender|deploy|house|interop|proto|python|report)_|SharedMeshes|TenantFlood.Shares' "$@"
+exec deploy/test.sh -E '^(blender|deploy|farm|house|interop|javascript|proto|python|report)_|^blobs_S3|SharedMeshes|TenantFlood.Shares' "$@"
