@@ -196,7 +196,8 @@ std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const H
     for_each_way(v, [&](HalfedgeHandle h) { reach(h, cost_.OfEdge(h), HalfedgeHandle()); });
   }
   while (!queue.empty()) {
-    const auto [cost, number] = queue.top();
+    const double cost = queue.top().first;
+    const int number = queue.top().second;
     queue.pop();
     const HalfedgeHandle h(number);
     if (cost > so_far_[number]) continue;

@@ -53,7 +53,7 @@ TEST(Visibility, IsTheOpenShareOfTheHemisphere) {
   // for squares opposite each other), from a corner half of that or less.
   Mesh sheets = testing::Plane(40, 40);
   EXPECT_NEAR(MeanVisibility(sheets), 1, 1e-9);
-  const auto size = sheets.positions[0].cwiseMax(sheets.positions.back()) - sheets.positions[0];
+  const Vec3 size = sheets.positions[0].cwiseMax(sheets.positions.back()) - sheets.positions[0];
   const auto count = static_cast<std::int32_t>(sheets.positions.size());
   for (std::int32_t v = 0; v < count; ++v) {
     sheets.positions.push_back(sheets.positions[v] + Vec3(0, 0, 0.5 * size.cwiseAbs().maxCoeff()));
