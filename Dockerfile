@@ -3,13 +3,13 @@
 #   docker build -t planish .
 #   docker run -v "$PWD/credentials:/etc/planish/credentials:ro" -p 7741:7741 planish
 #
-# Arguments after the image's name go to planishd, variables PLANISHD_... are its settings, and /etc/planish/planishd.yaml
-# is its configuration file (deploy/image.yaml). It needs no capability, writes nothing but /var/lib/planish, a volume
-# (so --read-only --cap-drop=ALL --security-opt=no-new-privileges are fine), and runs as uid 10001.
-# The image holds the command as well: docker exec NAME planish health
+# Arguments after the image's name go to planishd, variables PLANISHD_... are its settings, and
+# /etc/planish/planishd.yaml is its configuration file (deploy/image.yaml). The container runs as uid 10001, needs no
+# capabilities, and writes only to the volume /var/lib/planish, so it works with --read-only --cap-drop=ALL
+# --security-opt=no-new-privileges. The image contains the command too: docker exec NAME planish health
 FROM debian:bookworm-slim AS build
 WORKDIR /src
-# Packages first: they change less often than the code, so the layer is kept.
+# Packages first: they change less often than the code, so their layer stays in the cache.
 COPY deploy/install-packages.sh deploy/
 RUN deploy/install-packages.sh build runtime
 COPY . .
@@ -32,11 +32,11 @@ COPY --from=build /root-of-image/ /
 COPY LICENSE README.md /usr/share/doc/planish/
 COPY deploy/image.yaml /etc/planish/planishd.yaml
 ENV PLANISHD_CONFIG=/etc/planish/planishd.yaml
-# A number, so that Kubernetes can tell that it is not root.
+# A number, so that Kubernetes can check that it is not root.
 USER 10001:10001
 VOLUME /var/lib/planish
-# Calls, and metrics.
+# The ports of calls and of metrics.
 EXPOSE 7741 9741
-# By HTTP beside the calls: neither certificates nor tokens are needed for it.
+# The health check uses the metrics port, which needs neither certificates nor tokens.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=10s --retries=3 CMD ["planish", "health"]
 ENTRYPOINT ["planishd"]

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what the build needs and builds a preset of CMakePresets.json, PLANISH_PRESET or else "default", into
-# build/PRESET.
+# Installs the packages that the build needs, and builds a preset of CMakePresets.json into build/PRESET:
+# $PLANISH_PRESET, or "default".
 #
 #   deploy/build.sh            server, command and library
 #   deploy/build.sh --tests    the tests as well

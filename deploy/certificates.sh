@@ -1,17 +1,18 @@
 #!/bin/sh
-# Makes what it takes to try TLS, client certificates and tokens: a certificate authority of its own, a certificate for
-# the server, one for a client, a random token, and an access file that knows the last two.
+# Makes the files to try TLS, client certificates and tokens: a certificate authority, a certificate for the server, one
+# for a client, a random token, and an access file with the client's certificate and the token.
 #
 #   deploy/certificates.sh DIR [HOST...]
 #
-# HOST: names and addresses by which clients reach the server [localhost 127.0.0.1 ::1]. What is in DIR already stays as
-# it is, so the command may be repeated, and a file that was removed is made anew. Good for 825 days (the authority: ten
-# years). For a farm, have your own authority sign the certificates: whoever has ca-key.pem can be anybody.
+# HOST: names and addresses by which clients reach the server [localhost 127.0.0.1 ::1]. Existing files in DIR do not
+# change, so the command may be repeated, and makes files again that were removed. Certificates are valid for 825 days,
+# the authority for ten years. For a farm, let your own authority sign the certificates: ca-key.pem is all it takes to
+# impersonate anybody.
 #
 #   planishd --listen=0.0.0.0:7741 --tls-cert=DIR/server.pem --tls-key=DIR/server-key.pem --access-file=DIR/access.yaml
 #   planish unwrap MESH -o OUT --server=HOST:7741 --tls-ca=DIR/ca.pem --token-file=DIR/token
 #
-# With --tls-client-ca=DIR/ca.pem the server wants a client certificate as well; then the client adds
+# With --tls-client-ca=DIR/ca.pem the server also requires a client certificate; then the client adds
 #   --tls-cert=DIR/client.pem --tls-key=DIR/client-key.pem
 set -eu
 
@@ -37,7 +38,7 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# openssl is silent when all is well.
+# Prints openssl's output only if it fails.
 quietly() {
   "$@" 2>"$work/log" >&2 || {
     cat "$work/log" >&2
@@ -45,8 +46,8 @@ quietly() {
   }
 }
 
-# Puts a file in place that was made elsewhere, complete, and says so. What the server reads is for the group too: in a
-# container it is another user, who is let into that group (docker run --group-add).
+# Moves a complete file into place and reports it. The group may read files of the server: in a container the server
+# runs as another user, who is a member of that group (docker run --group-add).
 keep() {
   case $1 in
     server.pem | server-key.pem | ca.pem | access.yaml) chmod 640 "$work/new" ;;

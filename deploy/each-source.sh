@@ -1,7 +1,7 @@
 #!/bin/sh
-# Checks that each source of the product compiles alone, without precompiled headers: it includes what it uses. clang-14 parses
-# it (-fsyntax-only), which takes two thirds of the time of GCC and shows what only clang refuses. Builds nothing but the
-# generated headers, in build/clang. Prints the compiler's messages and the number of sources.
+# Checks that each source of the product compiles alone, without precompiled headers: it includes what it uses. clang-14
+# parses it (-fsyntax-only), which takes two thirds of GCC's time and finds code that only clang refuses. Builds only
+# the generated headers, in build/clang. Prints the compiler's messages and the number of sources.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -14,7 +14,7 @@ cmake --preset clang -DPLANISH_BUILD_TESTS=OFF -DCMAKE_EXPORT_COMPILE_COMMANDS=O
 cmake --build --preset clang --target planish_proto_sources >&2
 
 cd build/clang
-# One line for each source: a command for the shell, as CMake wrote it. Generated sources are none of ours.
+# One line for each source: the shell command that CMake wrote. Generated sources are left out.
 sed -n -e '/\/proto\/gen\//d' -e 's/^ *"command": "\(.*\)",$/\1 -fsyntax-only/p' compile_commands.json | sed 's/\\\(["\\]\)/\1/g' >sources
 [ -s sources ] || {
   echo "each-source: no commands in $PWD/compile_commands.json" >&2

@@ -1,13 +1,13 @@
 #!/bin/sh
-# Installs what is needed, builds the fuzzers of tests/fuzz with clang and sanitizers, and runs each of them for some
-# time from its corpus. Ends with one line per target, and fails on any finding.
+# Installs packages, builds the fuzzers of tests/fuzz with clang and sanitizers, and runs each for some time from its
+# corpus. Ends with a line for each target, and fails if any target had a finding.
 #
-#   deploy/fuzz.sh [SECONDS] [TARGET...]    60 seconds of each target, if not told otherwise
+#   deploy/fuzz.sh [SECONDS] [TARGET...]    by default 60 seconds of each target
 #
-# A finding stays in build/fuzz/findings/TARGET: build/fuzz/bin/fuzz_TARGET FILE runs it again. Inputs that reach new
-# code are gathered in build/fuzz/corpus/TARGET, where the next run goes on; those worth keeping belong into
-# tests/fuzz/corpus/TARGET, small (fuzz_TARGET -merge=1 tests/fuzz/corpus/TARGET build/fuzz/corpus/TARGET). In the
-# environment: JOBS for the build (default 1: sanitized C++ is heavy).
+# Findings are in build/fuzz/findings/TARGET; build/fuzz/bin/fuzz_TARGET FILE reproduces one. Inputs that reach new code
+# are collected in build/fuzz/corpus/TARGET, from which the next run continues. Add the useful ones, minimized, to
+# tests/fuzz/corpus/TARGET (fuzz_TARGET -merge=1 tests/fuzz/corpus/TARGET build/fuzz/corpus/TARGET). The environment
+# variable JOBS sets the build's parallelism (default 1, since sanitized C++ takes much memory).
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -44,8 +44,8 @@ cmake --preset fuzz >build/configure-fuzz.log 2>&1 || {
 }
 cmake --build --preset fuzz --parallel "${JOBS:-1}" >&2
 
-# Targets bound what they allocate themselves (tests/fuzz/memory_budget.h); this is for what goes past that. Draco's own
-# code is not instrumented, and slow on some inputs.
+# Targets limit their own allocations (tests/fuzz/memory_budget.h); this limit is for allocations that bypass it.
+# Draco's code is not instrumented, and slow on some inputs.
 limits="-rss_limit_mb=2048 -timeout=60 -max_len=4096"
 export UBSAN_OPTIONS=print_stacktrace=1
 export ASAN_OPTIONS=detect_stack_use_after_return=0:allocator_may_return_null=1

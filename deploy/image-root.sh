@@ -1,8 +1,8 @@
 #!/bin/sh
-# Puts together the root directory of the image: the programs, and of Debian nothing but the libraries that they load
+# Assembles the root directory of the image: the programs, and from Debian only the libraries that they load
 # (deploy/libraries.sh) and the certificates of public authorities. No shell, no package manager.
 #
-#   deploy/image-root.sh PREFIX ROOT      PREFIX: where cmake --install put planish
+#   deploy/image-root.sh PREFIX ROOT      PREFIX: where cmake --install installed planish
 set -eu
 root=$2
 "${0%/*}/libraries.sh" "$1" "$root"

@@ -1,10 +1,10 @@
 #!/bin/sh
-# Installs the Debian 12 packages that planish needs, and only those that are missing. The one place where
-# they are listed: the scripts beside this one and the Dockerfile call it.
+# Installs the missing ones of the Debian 12 packages that planish needs. All packages are listed here; the other
+# scripts and the Dockerfile call this script.
 #
 #   deploy/install-packages.sh build|test|packaging|bench|clang|fuzz|runtime...
 #
-# Needs root or sudo when something is missing, and nothing at all when everything is there.
+# Needs root or sudo only if packages are missing.
 set -eu
 
 # The compiler, the libraries that CMakeLists.txt looks for, and the code generators of gRPC.
@@ -12,34 +12,34 @@ build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libopenmesh-dev libdraco-dev libmeshoptimizer-dev
-  libpng-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
+  libpng-dev libjpeg62-turbo-dev libwebp-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
   libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev
   libutf8proc-dev"
 
-# What only the tests need. PROGRAM:PACKAGE: the package, unless there is such a program already, whoever made it. Blender,
-# Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.
+# For the tests. PROGRAM:PACKAGE means: install the package unless the program is already there, from any source.
+# Blender, Node.js and kubectl are used if they are installed; tests/allowed_skips.txt says why they are not here.
 test="
   libgtest-dev libgmock-dev postgresql-15
   python3-grpcio python3-protobuf python3-numpy python3-setuptools python3-wheel
-  haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
+  chromium:chromium haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
 
-# What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with
-# Blender as well where that is installed (its glTF importer needs numpy).
+# For tests/bench/run.sh: plots, and other programs that it measures. tests/files also reads its files with Blender if
+# that is installed (its glTF importer needs numpy).
 bench="gnuplot-nox libcgal-dev blender python3-numpy"
 
-# What the preset "clang" and deploy/each-source.sh need.
+# For the preset "clang" and deploy/each-source.sh.
 clang="clang-14"
 
-# What only deploy/fuzz.sh needs: libFuzzer, and names of functions in its reports.
+# For deploy/fuzz.sh: libFuzzer, and names of functions in its reports.
 fuzz="$clang libclang-rt-14-dev llvm-14"
 
-# What only deploy/packages.sh needs: the wheel is made by setuptools, the dependencies of packages are found by dpkg-dev.
+# For deploy/packages.sh: setuptools makes the wheel, dpkg-dev finds the dependencies of packages.
 packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
 
-# What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
+# For the installed programs. `planish` needs the certificates for servers whose certificate is from a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
-  libpng16-16 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
+  libpng16-16 libjpeg62-turbo libwebp7 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 libutf8proc2 ca-certificates"
 
 fail() {
@@ -87,8 +87,8 @@ if [ "$(id -u)" -ne 0 ]; then
   sudo=sudo
 fi
 
-# One run at a time: the first to end would take its policy-rc.d away from the others. The lock is on a directory that every
-# Debian has, and ends with this process.
+# One run at a time, since the first to end would remove policy-rc.d, which the others need. The lock is on a directory
+# that every Debian has, and ends with this process.
 exec 9</var/lib/dpkg
 flock 9
 find_missing
@@ -104,7 +104,7 @@ before=''
 enabled_services() {
   find /etc/systemd/system/multi-user.target.wants -name '*.service' 2>/dev/null | sort
 }
-# Also after a failure or a signal: what was installed by then must not start with the machine either.
+# Also after a failure or a signal: services that were installed by then must not start at boot either.
 clean_up() {
   if [ -n "$before" ]; then
     for unit in $(enabled_services); do
@@ -134,9 +134,9 @@ echo "Installing Debian packages:$missing" >&2
 [ -z "$sudo" ] || $sudo -v  # asks for the password, if one is needed, while people can see it
 apt update
 
-# The tests want programs, not services. Packages ask policy-rc.d before they start one; ours forbids it. One that is there
-# already is somebody else's and stays as it is, unless an earlier run of this was killed and could not remove its own.
-# PostgreSQL would make a cluster besides; the tests make their own, in temporary folders.
+# The tests need programs, but no running services. Packages ask policy-rc.d before they start a service; ours forbids
+# it. An existing policy-rc.d is not touched, unless an earlier run of this script was killed and left it. PostgreSQL's
+# package would also create a cluster; the tests create their own, in temporary folders.
 before=$(echo "before:"; enabled_services)
 if ! [ -e "$policy" ] || grep -qF "$mark" "$policy"; then
   our_policy=yes

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Puts programs and all the libraries that they load into a directory that is to be a root or a part of one, each library with its licence
-# and its package's record, by which scanners know what is in there.
+# Copies programs and all libraries that they load into a directory that becomes a root or part of one. Each library
+# comes with its licence and with its package's record, by which scanners identify it.
 #
-#   deploy/libraries.sh PREFIX ROOT [PROGRAM...]      PREFIX: where cmake --install put planish; PROGRAM: [all three]
+#   deploy/libraries.sh PREFIX ROOT [PROGRAM...]      PREFIX: where cmake --install installed planish; PROGRAM: [all three]
 set -eu
 prefix=$1
 root=$2
@@ -23,12 +23,12 @@ for library in $libraries; do
   [ "${library#/usr/}" = "$library" ] || target=$root$library
   mkdir -p "${target%/*}"
   cp -L "$library" "$target"
-  # Alternatives are links to what a package has.
+  # Alternatives are links to files of packages.
   files="$files $(readlink -f "$library")"
 done
 
-# Before the merge of /usr, packages called it /lib: each file has an owner by one of two names.
-# shellcheck disable=SC2046,SC2086  # lists of words
+# Packages from before the merge of /usr list /lib in place of /usr/lib, so each file is looked up by both names.
+# shellcheck disable=SC2046,SC2086 # lists of words
 owners=$(dpkg-query -S $files $(printf '%s\n' $files | sed 's/^\/usr//') 2>/dev/null || true)
 for file in $files; do
   printf '%s\n' "$owners" | sed 's/.*: \(\/usr\)\{0,1\}//' | grep -qxF "${file#/usr}" || {

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what is needed, builds planish, and makes everything that can be handed to others, in build/packages/dist: Debian packages, the
-# relocatable tarball, the Python wheels and sdist, the npm package, the Blender add-on. At the end it says what each file is for.
+# Installs what is needed, builds planish, and makes all packages in build/packages/dist: Debian packages, the relocatable
+# tarball, the Python wheels and sdist, the npm package, the Blender add-on. At the end it says what each file is for.
 #
 #   deploy/packages.sh
 #

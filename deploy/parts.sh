@@ -1,24 +1,23 @@
-# shellcheck shell=bash
-# The parts of a run of continuous integration, one after the other, and a table at the end that says what became of each.
-# .ci/run sources this:
+# shellcheck shell=bash Runs the parts of continuous integration, one after the other, and prints a table of the
+# results. .ci/run sources it:
 #
 #   limit=MINUTES                          for all parts together
 #   part NAME LEAST COMMAND [ARGUMENT...]  once for each part; LEAST: minutes
 #   run_parts
 #
-# A part may take all the time that is left. With less than LEAST left it does not begin: NOT RUN. When no time is left it is
-# ended with everything it started: TIMED OUT. That fails the run as any other failure does; NOT RUN does not.
+# A part may take all remaining time. With less than LEAST left it does not start (NOT RUN). When no time is left, it is
+# ended with all its processes (TIMED OUT). TIMED OUT fails the run like any other failure; NOT RUN does not.
 #
-# A command finds the name of a file in PLANISH_SUMMARY, in which it may leave lines about its tests; the last one is
-# "N passed, N failed[, N skipped]". Those that begin with REPEATED or FAILED, and those under them that begin with "  | ", are
-# printed under the table as well.
+# A command may write lines about its tests into the file $PLANISH_SUMMARY; the last line must be
+# "N passed, N failed[, N skipped]". Lines that begin with REPEATED or FAILED, and the lines below them that begin with
+# "  | ", are also printed under the table.
 
 limit=56
-minute=60  # seconds; tests/deploy/ci.sh has shorter ones
+minute=60  # seconds; shorter in tests/deploy/ci.sh
 
 names=() least=() commands=() results=() minutes=() cpu_minutes=()
-running=  # the index of the part that runs
-began=    # and when it began
+running=  # the index of the running part
+began=    # when it began
 
 part() {
   names+=("$1") least+=("$2") results+=("NOT RUN") minutes+=(-) cpu_minutes+=(-)
@@ -26,22 +25,23 @@ part() {
   commands+=("$(printf '%q ' "$@")")
 }
 
-# in_minutes SECONDS: an expression of awk.
+# in_minutes SECONDS: SECONDS is an awk expression.
 in_minutes() {
   LC_ALL=C awk "BEGIN { printf \"%.1f\", ($1) / $minute }"
 }
-# Sets cpu_seconds: those of all children that have ended and were waited for. Not for $(...), where there are none yet.
+# Sets cpu_seconds: the CPU seconds of all children that were waited for. Do not call it in $(...), a subshell without
+# children.
 take_cpu_seconds() {
   local LC_ALL=C
   times >"$parts_dir/times"
   cpu_seconds=$(awk -F '[ms ]+' 'NR == 2 { printf "%.2f", 60 * $1 + $2 + 60 * $3 + $4 }' "$parts_dir/times")
 }
 
-# The processes of the part that runs, whatever session they are in: each has PLANISH_PART in its environment.
+# The processes of the running part, in any session: each has PLANISH_PART in its environment.
 processes() {
   grep -lszxF "PLANISH_PART=$$.$running" /proc/[0-9]*/environ | cut -d / -f 3
 }
-# Ends them, and names those there were.
+# Ends these processes and prints their names.
 end_processes() {
   local pid signal i
   for signal in TERM KILL; do
@@ -64,14 +64,14 @@ run_part() {
   echo "== ${names[$1]}, at most $((left / minute)) minutes: ${commands[$1]}"
   take_cpu_seconds
   before=$cpu_seconds
-  results[$1]="FAILED"  # should this script be ended meanwhile
-  # In the background, so that a signal to this script is heeded at once. `timeout` makes a process group of it.
+  results[$1]="FAILED"  # in case this script is ended meanwhile
+  # Runs in the background, so that this script reacts to signals at once. `timeout` makes a process group of it.
   eval "PLANISH_PART=$$.$1 PLANISH_SUMMARY='$parts_dir/$1' timeout -k 20 $left ${commands[$1]} </dev/null &"
   wait $! || code=$?
   end_processes
   minutes[$1]=$(in_minutes $((SECONDS - began)))
   if [ $((SECONDS - began)) -ge "$left" ] && { [ "$code" -eq 124 ] || [ "$code" -eq 137 ]; }; then
-    results[$1]="TIMED OUT"  # what it took is not known: its processes were not waited for
+    results[$1]="TIMED OUT"  # its CPU time is unknown: its processes were not waited for
   else
     take_cpu_seconds
     cpu_minutes[$1]=$(in_minutes "$cpu_seconds - $before")

@@ -1,16 +1,16 @@
 #!/bin/sh
-# Says what became of a run of ctest, and fails if a test failed, if none passed or if one was skipped that may not be.
-# Ends with "N passed, N failed[, N skipped]". deploy/test.sh calls it.
+# Reports the result of a run of ctest. Fails if a test failed, if no test passed, or if a test was skipped that may not
+# be. Ends with "N passed, N failed[, N skipped]". deploy/test.sh calls it.
 #
 #   deploy/test-report.sh REPORT LOG ALLOWED_SKIPS [sanitized]
 #
-# REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try: a test
-# that failed and then passed (ctest --repeat) is named. A test that passed has failed all the same if a sanitizer's report is
-# in the output of any try: that of the test, or of a process it started. Faults that server/worker/failpoints.cc makes on
-# purpose do not count.
-# Under the name of a test that failed are lines of what it printed in its last try: what follows GoogleTest's first "Failure",
-# or the last lines.
-# ALLOWED_SKIPS is tests/allowed_skips.txt, which explains itself. `sanitized`: the programs were built with a sanitizer.
+# REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try. If a
+# test of ctest runs several cases of a GoogleTest program NAME_test, each case counts, under the name NAME_Suite.Case.
+# The report names tests that failed and then passed (ctest --repeat). A test counts as failed if a sanitizer's report
+# is in the output of any try, from the test or from a process it started, even if it passed. Faults that
+# server/worker/failpoints.cc injects do not count. Below the name of a failed test are lines of its output in the last
+# try: those after GoogleTest's first "Failure", or the last ones. ALLOWED_SKIPS is tests/allowed_skips.txt, which
+# explains itself. `sanitized`: the programs were built with a sanitizer.
 set -eu
 report=$1 log=$2 allowed=$3 sanitized=${4:-}
 tab=$(printf '\t')
@@ -25,8 +25,8 @@ fail() {
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# RESULT, a tab and NAME of every test. ctest has the status "notrun" for skipped tests, and for those that could not run
-# (no such program, a file missing), which have failed.
+# Prints STATUS, a tab and NAME of every test of ctest. The status "notrun" means a skipped test, or a test that could
+# not run (a missing program or file), which counts as failed.
 awk '
   function flush() { if (name != "") print result "\t" name; name = "" }
   /^[[:space:]]*<testcase / {
@@ -38,7 +38,37 @@ awk '
     result = / status="run"/ ? "passed" : / status="disabled"/ ? "skipped" : "failed"
   }
   /^[[:space:]]*<skipped message="SKIP_/ { result = "skipped" }
-  END { flush() }' "$report" >"$work/results"
+  END { flush() }' "$report" >"$work/tests"
+
+# Prints RESULT, NAME, the test of ctest and the case of GoogleTest, separated by tabs, for every test and case. A case
+# that began and did not end has failed.
+awk -F '\t' '
+  FNR == 1 { ++file }
+  file == 1 && /^[0-9]+\/[0-9]+ Test: / {
+    test = $0; sub(/^[0-9]+\/[0-9]+ Test: /, "", test)
+    count[test] = 0
+  }
+  file == 1 && /^Command: / {
+    program = $0; sub(/^Command: "/, "", program); sub(/".*/, "", program); sub(/.*\//, "", program)
+    sub(/_test$/, "", program)
+  }
+  file == 1 && match($0, /\[ RUN      \] [^ ,]+/) {
+    cases[test, ++count[test]] = substr($0, RSTART + 13, RLENGTH - 13)
+    results[test, count[test]] = "failed"
+    programs[test] = program
+  }
+  # A case may have printed something that does not end its line.
+  file == 1 && count[test] && match($0, /\[(       OK |  SKIPPED )\] [^ ,]+/) && substr($0, RSTART + 13, RLENGTH - 13) == cases[test, count[test]] {
+    results[test, count[test]] = substr($0, RSTART, 12) ~ /OK/ ? "passed" : "skipped"
+  }
+  file == 2 {
+    bad = 0
+    for (i = 1; i <= count[$2]; ++i) {
+      print results[$2, i] "\t" programs[$2] "_" cases[$2, i] "\t" $2 "\t" cases[$2, i]
+      if (results[$2, i] == "failed") bad = 1
+    }
+    if (!count[$2] || ($1 == "failed" && !bad)) print $1 "\t" $2 "\t" $2 "\t"
+  }' "$log" "$work/tests" >"$work/results"
 
 # `finding` or `failed`, a tab and NAME of every try that printed a sanitizer's report, or failed without one.
 awk '
@@ -49,17 +79,20 @@ awk '
   over && reports > 0 { print "finding\t" name; over = 0 }
   over && /^Test Fail/ { print "failed\t" name; over = 0 }' "$log" >"$work/tries"
 
-# print_output NAME: lines of what the last try of that test printed, each after "  | ".
+# print_output TEST [CASE]: lines of what the last try of that test printed, of this case only, each after "  | ".
 print_output() {
-  NAME=$1 awk -v most=16 '
+  NAME=$1 CASE=${2:-} awk -v most=16 '
     /^[0-9]+\/[0-9]+ Test: / {
       name = $0; sub(/^[0-9]+\/[0-9]+ Test: /, "", name)
       ours = name == ENVIRON["NAME"]; inside = 0
       if (ours) { count = 0; failure = 0 }
     }
     $0 == "<end of output>" { inside = 0 }
-    ours && inside > 1 { lines[++count] = $0; if (!failure && / Failure$/) failure = count }
-    ours && inside == 1 { inside = 2 }  # the line under "Output:"
+    ours && inside > 1 && match($0, /\[ RUN      \] [^ ,]+/) {
+      other = ENVIRON["CASE"] != "" && substr($0, RSTART + 13, RLENGTH - 13) != ENVIRON["CASE"]
+    }
+    ours && inside > 1 && !other { lines[++count] = $0; if (!failure && / Failure$/) failure = count }
+    ours && inside == 1 { inside = 2; other = ENVIRON["CASE"] != "" }  # the line under "Output:"
     ours && /^Output:$/ && !inside { inside = 1 }
     END {
       first = failure ? failure : count - most + 1
@@ -99,21 +132,13 @@ find_reason() {
 passed=0 failed=0 skipped=0 unlisted=
 : >"$work/reasons"
 echo
-while IFS=$tab read -r result name; do
+while IFS=$tab read -r result name test case; do
   case $result in
-    passed)
-      if grep -qxF "finding$tab$name" "$work/tries"; then
-        failed=$((failed + 1))
-        echo "FAILED: $name passed, but a sanitizer's report was printed meanwhile (see $log)"
-      else
-        passed=$((passed + 1))
-        ! grep -qxF "failed$tab$name" "$work/tries" || echo "REPEATED: $name failed, and passed when it was repeated"
-      fi
-      ;;
+    passed) passed=$((passed + 1)) ;;
     failed)
       failed=$((failed + 1))
       echo "FAILED: $name"
-      print_output "$name"
+      print_output "$test" "$case"
       ;;
     skipped)
       if find_reason "$name"; then
@@ -127,6 +152,15 @@ while IFS=$tab read -r result name; do
       ;;
   esac
 done <"$work/results"
+while IFS=$tab read -r result name; do
+  [ "$result" = passed ] || continue
+  if grep -qxF "finding$tab$name" "$work/tries"; then
+    passed=$((passed - 1)) failed=$((failed + 1))
+    echo "FAILED: $name passed, but a sanitizer's report was printed meanwhile (see $log)"
+  elif grep -qxF "failed$tab$name" "$work/tries"; then
+    echo "REPEATED: $name failed, and passed when it was repeated"
+  fi
+done <"$work/tests"
 if [ -n "$unlisted" ]; then
   echo "$log has what a skipped test printed. Make it run: deploy/install-packages.sh has the packages that tests need."
   echo "Or put it and the reason into tests/allowed_skips.txt."

@@ -1,9 +1,8 @@
 #!/bin/sh
-# Installs what is needed, builds everything and runs all tests. Ends with "N passed, N failed[, N skipped]"
-# and fails if a test failed, if none ran or if one was skipped that tests/allowed_skips.txt does not have.
-# Further arguments go to ctest, e.g.: deploy/test.sh -R house_
-# Of the preset PLANISH_PRESET, if that is set (deploy/sanitize.sh does). The file PLANISH_SUMMARY, if that is set, gets
-# the lines about the run as well (.ci/run does).
+# Installs packages, builds everything and runs all tests. Ends with "N passed, N failed[, N skipped]". Fails if a test
+# failed, if no test ran, or if a test was skipped that tests/allowed_skips.txt does not list. Further arguments go to
+# ctest, e.g.: deploy/test.sh -R house_ Uses the preset $PLANISH_PRESET if that is set (by deploy/sanitize.sh). Also
+# writes the result lines to the file $PLANISH_SUMMARY if that is set (by .ci/run).
 set -eu
 cd "$(dirname "$0")/.."
 preset=${PLANISH_PRESET:-default}

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs what is needed, builds planish, and unwraps a real mesh through a real server, showing its progress.
+# Installs packages, builds planish, and unwraps a mesh through a server, showing its progress.
 set -eu
 cd "$(dirname "$0")/.."
 deploy/build.sh

@@ -2,9 +2,9 @@
 //
 //   planish_api_page DESCRIPTORS FILE.proto... > proto/API.md
 //
-// DESCRIPTORS is a FileDescriptorSet with source info (protoc --include_imports --include_source_info). Comments are
-// paragraphs, except for lines that begin further right: "  CODE   what it means" is an item of a list, anything else
-// stays as it is.
+// DESCRIPTORS is a FileDescriptorSet with source info (protoc --include_imports --include_source_info). Comments become
+// paragraphs. An indented line with a word, at least two blanks and a text becomes an item of a list; all other indented
+// lines are copied unchanged.
 #include <cctype>
 #include <fstream>
 #include <iostream>
@@ -26,7 +26,7 @@ using google::protobuf::MethodDescriptor;
 using google::protobuf::ServiceDescriptor;
 using google::protobuf::SourceLocation;
 
-// Lines without the blank after "//".
+// The lines of a comment, without the blank after "//".
 std::vector<std::string> LinesOf(const std::string& comment) {
   std::vector<std::string> lines;
   std::istringstream text(comment);
@@ -48,10 +48,10 @@ std::vector<std::string> CommentOf(const FileDescriptor& file) {
   return file.GetSourceLocation(syntax, &location) ? LinesOf(location.leading_comments) : std::vector<std::string>();
 }
 
-// Where what is said of codes begins, also of FAILED_PRECONDITION, which leaves room for one blank only.
+// The column at which explanations of codes begin; FAILED_PRECONDITION leaves room for only one blank.
 constexpr std::size_t kCodeText = 22;
 
-// Where the text begins that a word and at least two blanks precede: 0 if this is no such line.
+// The column of the text after a word and at least two blanks; 0 if the line has another form.
 std::size_t ItemText(const std::string& line) {
   if (!line.starts_with("  ")) return 0;
   std::size_t end = 2;
@@ -99,7 +99,7 @@ void PrintComment(const std::vector<std::string>& lines, std::ostream& out) {
   if (!lines.empty()) out << "\n";
 }
 
-// In a cell of a table.
+// The text for a cell of a table.
 std::string OneLine(const std::vector<std::string>& lines) {
   std::string text;
   for (const std::string& line : lines) {
@@ -116,7 +116,7 @@ std::string Anchor(const std::string& full_name) {
   return anchor;
 }
 
-// With a link if it is on this page.
+// The name of the type, with a link if it is on this page.
 template <typename Type>
 std::string TypeName(const Type& type, const std::string& package) {
   if (type.file()->package() != package) return "`" + type.full_name() + "`";
@@ -164,7 +164,7 @@ void PrintFields(const Descriptor& message, std::ostream& out) {
   out << "\n";
 }
 
-// `name` has the messages around it in front.
+// `name`: with the names of enclosing messages before it.
 void PrintMessage(const Descriptor& message, const std::string& name, std::ostream& out) {
   PrintHeading("###", name, message.full_name(), out);
   PrintComment(CommentOf(message), out);
@@ -227,7 +227,7 @@ int main(int argc, char** argv) {
     PrintFile(*file, page);
   }
   std::string text = page.str();
-  // One line end at the end, and no more than one empty line anywhere.
+  // Ends with a single line end, and has at most one empty line in a row.
   for (std::size_t at; (at = text.find("\n\n\n")) != std::string::npos;) text.erase(at, 1);
   while (text.ends_with("\n\n")) text.pop_back();
   std::cout << text;

@@ -1,4 +1,4 @@
-// What operators ask of the server (planish.admin.v1.Admin), done.
+// Carries out the calls of operators (planish.admin.v1.Admin).
 #pragma once
 
 #include <mutex>
@@ -16,12 +16,12 @@ namespace planish {
 // Thread-safe.
 class Admin {
  public:
-  // All must outlive this.
+  // The arguments must outlive this object.
   Admin(JobManager* manager, const Monitoring* monitoring, const Reloader* reloader,
         const ServiceManager* service_manager)
       : manager_(*manager), monitoring_(*monitoring), reloader_(*reloader), service_manager_(*service_manager) {}
 
-  // What a service of these does; this must outlive it.
+  // The actions for NewAdminService(). This object must outlive the service.
   AdminActions Actions();
 
  private:

@@ -5,9 +5,9 @@
 
 namespace planish {
 
-// What main() of planishd and planishd-farm does, and its exit code. `open_farm` null: with --store, planishd-farm runs
-// in the place of this program. The libraries for PostgreSQL and S3 take 6 ms and 5 MB of each process that loads them,
-// which a command with a private server would pay for nothing.
+// The whole of main() for planishd and planishd-farm; returns the exit code. If `open_farm` is null and --store is
+// given, this process becomes planishd-farm by exec. The two programs are separate because the libraries for PostgreSQL
+// and S3 cost each process that loads them 6 ms and 5 MB, also the private server of a command.
 int RunDaemon(int argc, char** argv, const FarmOpener& open_farm);
 
 }  // namespace planish

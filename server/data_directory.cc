@@ -21,18 +21,19 @@ absl::Status Failed(const std::string& what, const std::string& path, int error)
   return absl::UnavailableError(absl::StrCat("cannot ", what, " ", path, ": ", std::strerror(error)));
 }
 
-// Meshes and results of all callers are in there, so nobody else gets in. Who made a directory for us before, as a
-// mounted volume, decided that already.
+// The directory has the meshes and results of all callers, so nobody else may enter. For a directory that exists
+// already, such as a mounted volume, its creator has decided the mode.
 absl::Status MakeDirectory(const std::string& path) {
   std::error_code error;
   const bool made = std::filesystem::create_directories(path, error);
   if (error) return Failed("make the data directory", path, error.value());
   if (made && chmod(path.c_str(), 0700) != 0) return Failed("keep others out of", path, errno);
-  // What is in it is as durable as its name. Whoever made it before may have died before this.
+  // The contents are only as durable as the directory's entry in its parent. A process that created it before may have
+  // died before syncing that.
   const std::string absolute = std::filesystem::absolute(path, error).lexically_normal();
   for (std::filesystem::path folder = absolute; folder.has_relative_path(); folder = folder.parent_path()) {
     const int parent = open(folder.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (parent < 0) break;  // a folder above that is closed to us was not made by us
+    if (parent < 0) break;  // a parent that we may not open was not created by us
     const int synced = fsync(parent);
     close(parent);
     if (synced != 0 && errno == EIO) return Failed("sync", folder.parent_path(), errno);
@@ -71,15 +72,15 @@ absl::Status DataDirectory::Remember() {
 absl::Status DataDirectory::Check() const {
   for (const auto& [name, identity] : identities_) {
     struct stat file = {};
-    // Another error than that the name is gone may pass.
+    // Any error other than a missing name may be transient.
     const bool is_gone = stat(name.c_str(), &file) != 0 ? errno == ENOENT || errno == ENOTDIR
                                                         : Identity(file.st_dev, file.st_ino) != identity;
     if (is_gone) *lost_ = true;
   }
   if (!*lost_) return absl::OkStatus();
   return MakeError(absl::StatusCode::kUnavailable, "DATA_DIRECTORY_LOST",
-                   "the server's data directory was removed or replaced while the server ran: nothing new is kept, and "
-                   "the server has to be restarted");
+                   "the server's data directory was removed or replaced while the server ran: nothing new is stored, "
+                   "and the server has to be restarted");
 }
 
 DataDirectory::DataDirectory(DataDirectory&& other) noexcept

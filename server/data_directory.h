@@ -1,4 +1,4 @@
-// Where planishd keeps what outlives it.
+// The data directory of planishd.
 #pragma once
 
 #include <sys/types.h>
@@ -14,11 +14,11 @@
 
 namespace planish {
 
-// A directory that belongs to one planishd at a time. Movable; the destructor, or the end of the process, lets it go.
+// A directory that one planishd owns at a time. Movable. The destructor, or the end of the process, releases it.
 class DataDirectory {
  public:
-  // Makes what is missing, for this user only. UNAVAILABLE with a message that names `path` if another process has it,
-  // or it cannot be made or written.
+  // Creates missing directories, for this user only. UNAVAILABLE with a message that names `path` if another process
+  // owns it, or if it cannot be created or written.
   static absl::StatusOr<DataDirectory> Take(const std::string& path);
 
   DataDirectory(DataDirectory&& other) noexcept;
@@ -30,15 +30,14 @@ class DataDirectory {
   std::string blobs() const { return path_ + "/blobs"; }
   std::string uploads() const { return path_ + "/uploads"; }
 
-  // Remembers which directories and files these names mean; to be called once, when jobs() is there.
+  // Remembers the identities of the directory and its files. Call it once, when jobs() exists.
   absl::Status Remember();
-  // UNAVAILABLE with DATA_DIRECTORY_LOST if a name means another one, or none: somebody removed or replaced the
-  // directory under this process, and what it writes would not be found again. From then on the answer stays the same.
-  // Thread-safe.
+  // UNAVAILABLE with DATA_DIRECTORY_LOST if the directory or one of its files was removed or replaced: then nothing
+  // that this process writes would be found again. Once lost, it stays lost. Thread-safe.
   absl::Status Check() const;
 
  private:
-  // A file or directory, whatever its name is.
+  // Identifies a file or directory, independent of its name.
   using Identity = std::pair<dev_t, ino_t>;
 
   DataDirectory(std::string path, int lock) : path_(std::move(path)), lock_(lock) {}
@@ -46,7 +45,7 @@ class DataDirectory {
   std::string path_;
   int lock_ = -1;
   std::map<std::string, Identity> identities_;  // by path
-  // Of Check(), which others may call meanwhile.
+  // Set by Check(), which several threads may call.
   std::unique_ptr<std::atomic<bool>> lost_ = std::make_unique<std::atomic<bool>>(false);
 };
 

@@ -21,7 +21,7 @@ struct Disk {
   std::int64_t available = std::numeric_limits<std::int64_t>::max();
 };
 
-// Without limits if the file system does not say.
+// Free and total bytes; unlimited if the file system does not tell.
 Disk DiskOf(const std::string& directory) {
   struct statvfs status = {};
   if (statvfs(directory.c_str(), &status) != 0 || status.f_blocks == 0) return {};
@@ -56,7 +56,7 @@ bool DiskRoom::GiveUpReserve() {
   const std::int64_t left = reserve_bytes();
   if (left <= 0) return false;
   const std::int64_t rest = std::max<std::int64_t>(left - std::max<std::int64_t>(whole_reserve_ / kParts, 1), 0);
-  // A file system that needs room even to shorten a file may still remove one.
+  // Some file systems need room to shorten a file, but can still remove one.
   return truncate(reserve_path_.c_str(), rest) == 0 || unlink(reserve_path_.c_str()) == 0;
 }
 
@@ -66,7 +66,7 @@ void DiskRoom::Tick() {
   if (missing <= 0 || DiskOf(directory_).available < headroom_ + missing) return;
   const Descriptor file(open(reserve_path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   if (file.get() < 0) return;
-  // A part of the reserve is better than none, so an error does not matter.
+  // A partial reserve is better than none, so errors are ignored.
   static_cast<void>(posix_fallocate(file.get(), 0, whole_reserve_));
 }
 

@@ -1,4 +1,4 @@
-// Room on the disk of a data directory, and a reserve for when there is none.
+// Free space on the disk of a data directory, and a reserve for when there is none.
 #pragma once
 
 #include <cstdint>
@@ -9,37 +9,37 @@
 
 namespace planish {
 
-// Two amounts, both of them at most an eighth of the file system:
+// Two amounts. The headroom is at most an eighth of the file system:
 //   headroom  stays free of new meshes, so that jobs that were accepted can end and have their results kept
-//   reserve   a quarter of that, a file that is given up, a quarter at a time, when the disk is full all the same:
-//             SQLite writes its log even to delete something, and to open what is there
+//   reserve   a file of a quarter of the headroom, released a quarter at a time when the disk is full nevertheless:
+//             SQLite writes its log even to delete rows or to open the database
 // Thread-safe.
 class DiskRoom {
  public:
-  // `directory` exists; the reserve is the file `reserve` in it, and a server before this one may have left it. Makes
-  // it if there is room.
+  // `directory` must exist. The reserve is the file `reserve` in it; an earlier server may have left one. Creates it if
+  // there is room.
   DiskRoom(std::string directory, std::int64_t headroom_bytes);
 
-  // How many bytes lack if `more` are to leave the headroom; 0 or less: none do.
+  // How many bytes must be freed before `more` bytes can be stored without using the headroom; 0 or less: none.
   std::int64_t Shortage(std::int64_t more) const;
 
   // Whether there is room for results.
   bool HasRoomForResults() const;
 
-  // Gives up a part of the reserve. False if none is left.
+  // Releases a part of the reserve. False if none is left.
   bool GiveUpReserve();
 
-  // Makes the reserve whole again if there is room. Call it now and then.
+  // Refills the reserve if there is room. Call it from time to time.
   void Tick();
 
   std::int64_t headroom_bytes() const { return headroom_; }
-  std::int64_t reserve_bytes() const;  // that are left
+  std::int64_t reserve_bytes() const;  // bytes of the reserve that are left
 
  private:
   const std::string directory_, reserve_path_;
   std::int64_t headroom_ = 0;
   std::int64_t whole_reserve_ = 0;
-  mutable std::mutex mutex_;  // held by whoever changes the file
+  mutable std::mutex mutex_;  // held while the file is changed
 };
 
 }  // namespace planish

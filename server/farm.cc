@@ -16,7 +16,7 @@ JobCapacity CapacityOf(const std::vector<ServerEntry>& servers) {
     capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
     capacity.total_memory_bytes += server.memory_bytes;
   }
-  // Jobs wait for workers that are yet to come.
+  // Without workers jobs are accepted, and wait for workers to start.
   if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;
   return capacity;
 }
@@ -48,7 +48,7 @@ absl::Status Farm::AnnounceAndAsk() {
 
 absl::Status Farm::CompareClocks() {
   PLANISH_ASSIGN_OR_RETURN(const ClockOffset offset, registry_.Compare(clock_));
-  if (offset.error > kSkewLimit / 2) return absl::OkStatus();  // says nothing
+  if (offset.error > kSkewLimit / 2) return absl::OkStatus();  // too inexact to tell
   bool was_wrong = false;
   {
     const std::lock_guard lock(mutex_);
@@ -65,8 +65,8 @@ absl::Duration Farm::ClockSkew() const {
   return skew_;
 }
 
-absl::Status Farm::Leave() {
-  return registry_.Withdraw(self_.name);
+Farm::~Farm() {
+  registry_.Withdraw(self_.name).IgnoreError();  // its row ends by itself
 }
 
 std::vector<ServerEntry> Farm::Servers() const {

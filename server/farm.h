@@ -1,4 +1,4 @@
-// What all servers that share a store have together.
+// What a server knows about all servers that share its store.
 #pragma once
 
 #include <functional>
@@ -17,26 +17,29 @@ namespace planish {
 // This server among the others. Thread-safe.
 class Farm {
  public:
-  // `registry` outlives the object. `on_skew`, unless null, hears, within Tick(), of a clock of this machine that is
-  // wrong by more than kSkewLimit, and of one that is right again (zero). `clock`: this machine's.
+  // `registry` outlives the object. `on_skew`, unless null, is called within Tick() when this machine's clock is off by
+  // more than kSkewLimit, and with zero when it is right again. `clock`: that of this machine.
   Farm(ServerRegistry* registry, ServerEntry self, std::function<void(absl::Duration ahead)> on_skew = nullptr,
        std::function<absl::Time()> clock = absl::Now)
       : registry_(*registry), self_(std::move(self)), on_skew_(std::move(on_skew)), clock_(std::move(clock)) {}
+  // Tells the others that this server takes no more jobs and answers no more callers.
+  ~Farm();
+  Farm(const Farm&) = delete;
+  Farm& operator=(const Farm&) = delete;
 
   // Announces this server and asks for the others. Call it every kInterval; it waits for the database.
   absl::Status Tick();
   // What the last Tick() returned.
   absl::Status LastTick() const;
-  // This server takes no more jobs and answers no more callers.
-  absl::Status Leave();
 
-  // As of the last Tick(): a server that comes or goes counts up to kInterval late. Until then a mesh that only that
-  // server could take is refused or waits, and the queue's limits are off by its workers; nothing else goes by it.
+  // The state as of the last Tick(), so a server that starts or ends is noticed up to kInterval late. Until then a mesh
+  // that only that server has memory for is refused or waits, and the queue's limits are off by its workers. Nothing
+  // else depends on it.
   std::vector<ServerEntry> Servers() const;
   JobCapacity Capacity() const;
 
-  // How far this machine's clock was ahead of the database's at the last Tick(). Nothing goes by it but certificates,
-  // credentials that expire, and the times in logs.
+  // How far this machine's clock was ahead of the database's at the last Tick(). This machine's clock is used only for
+  // certificates, for the expiry of credentials, and for times in logs.
   absl::Duration ClockSkew() const;
 
   static constexpr absl::Duration kInterval = absl::Seconds(5);

@@ -1,4 +1,4 @@
-// planishd-farm: planishd with what it takes to share a store with others.
+// planishd-farm: planishd with the libraries for a store that several servers share.
 #include "server/daemon.h"
 #include "server/farm_stores.h"
 

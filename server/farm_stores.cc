@@ -15,7 +15,7 @@
 namespace planish {
 namespace {
 
-// What the file says up to the end of its first line.
+// The first line of the file.
 absl::StatusOr<std::string> ReadPassword(const std::string& path) {
   std::ifstream file(path);
   std::string line;
@@ -23,7 +23,7 @@ absl::StatusOr<std::string> ReadPassword(const std::string& path) {
     if (line.ends_with('\r')) line.pop_back();
     if (!line.empty()) return line;
   }
-  return absl::InvalidArgumentError(absl::StrCat("--store-password-file: there is no password in ", path));
+  return absl::InvalidArgumentError(absl::StrCat("--store-password-file: no password in ", path));
 }
 
 absl::StatusOr<std::shared_ptr<BlobStore>> OpenSharedBlobs(const StoreFlags& flags, SqlDatabase* database) {
@@ -41,7 +41,7 @@ absl::StatusOr<std::shared_ptr<BlobStore>> OpenSharedBlobs(const StoreFlags& fla
   return S3BlobStore::Make(std::move(options));
 }
 
-// Warns where a promoted standby may lack what callers were told.
+// Warns if a promoted standby may lack commits that callers were told about.
 absl::Status CheckStandby(SqlDatabase* database) {
   PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database->Connect(SqlDatabase::Use::kRead));
   PLANISH_ASSIGN_OR_RETURN(
@@ -70,8 +70,8 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   FarmStores stores;
   PostgresOptions options;
   options.url = flags.store.url;
-  // However many workers there are, one transaction claims for all of them and one ends what several have finished: a
-  // database has hundreds of connections, not one for each of thousands of workers.
+  // The number of workers does not matter: one transaction claims work for all of them, and one ends what several have
+  // finished. A database has hundreds of connections, not one for each of thousands of workers.
   options.connections = AnswersCallers(flags.store.role) ? 16 : 8;
   options.must_hear = AnswersCallers(flags.store.role);
   if (!flags.store.password_file.empty()) {
@@ -79,7 +79,7 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   }
   PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<SqlDatabase> opened, OpenPostgresDatabase(std::move(options)));
   SqlDatabase* const database = opened.get();
-  stores.jobs = NewJobStore(std::move(opened));
+  stores.jobs = std::make_unique<JobStore>(std::move(opened));
   PLANISH_RETURN_IF_ERROR(CheckStandby(database));
   PLANISH_ASSIGN_OR_RETURN(stores.registry, ServerRegistry::Make(database));
   PLANISH_ASSIGN_OR_RETURN(stores.blobs, OpenSharedBlobs(flags.store, database));

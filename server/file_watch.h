@@ -1,4 +1,4 @@
-// Notices that files changed.
+// Detects changes of files.
 #pragma once
 
 #include <cstdint>
@@ -7,15 +7,16 @@
 
 namespace planish {
 
-// Files that are read together. Looks at their times, sizes and places; links are followed, so that a link that was
-// changed is a change (Kubernetes swaps a whole directory that way). One thread.
+// Watches files that are read together, by their times, sizes and inodes. Symbolic links are followed, so a changed
+// link is a change (Kubernetes swaps a whole directory in this way). Not thread-safe.
 class FileWatch {
  public:
-  // What the files are like now is what is known.
+  // The present state of the files counts as known.
   explicit FileWatch(std::vector<std::string> files);
 
-  // Whether they changed since they were known last, and have stayed as they are since the last look: a file that is
-  // being written, or the second of two that belong together, is waited for. They are known from then on.
+  // Whether the files differ from the known state and have not changed since the last call. So it waits for a file that
+  // is still being written, or for the second of two files that belong together. If true, the present state becomes the
+  // known one.
   bool Changed();
 
  private:
@@ -30,7 +31,7 @@ class FileWatch {
 
   const std::vector<std::string> files_;
   std::vector<Stamp> known_;
-  std::vector<Stamp> seen_;  // at the last look
+  std::vector<Stamp> seen_;  // at the last call
 };
 
 }  // namespace planish

@@ -26,66 +26,65 @@ constexpr int kBadUsage = 2;
 constexpr int kMaxThreads = 256;
 
 void DefineKeeping(CLI::App* app, ServerFlags* flags) {
-  app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
+  app->add_option("--store-mb", flags->store_mb, "Capacity for meshes and UV, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
   app->add_option("--headroom-mb", flags->headroom_mb,
-                  "MiB of the disk of --data-dir that new meshes leave free for results, an eighth of the disk at most")
+                  "MiB of the disk of --data-dir that new meshes leave free for results; at most an eighth of the disk")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000'000));
   app->add_option("--retain-mb", flags->retain_mb,
-                  "UV of ended jobs of a tenant that are kept, MiB (the last one always is)")
+                  "UV of ended jobs to keep for each tenant, MiB; those of the last job are always kept")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000'000));
-  app->add_option("--retain-hours", flags->retain_hours, "Hours that UV of ended jobs are kept")
+  app->add_option("--retain-hours", flags->retain_hours, "Hours to keep the UV of ended jobs")
       ->capture_default_str()
       ->check(CLI::Range(1e-6, 1e6));
   app->add_option("--retain-records-mb", flags->retain_records_mb,
-                  "Ended jobs of a tenant that are kept, MiB of their records, reports and events (the last one always "
-                  "is); a job with one chart takes about 3 KB")
+                  "Ended jobs to keep for each tenant, MiB of records, reports and events; the last job is always "
+                  "kept. A job with one chart takes about 3 KB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
   app->add_option("--retain-records-hours", flags->retain_records_hours,
-                  "Hours that ended jobs are kept; a job that goes takes its UV with it")
+                  "Hours to keep ended jobs; a dropped job's UV are dropped too")
       ->capture_default_str()
       ->check(CLI::Range(1e-6, 1e6));
-  app->add_option("--uploads-mb", flags->max_uploads_mb, "Uploads under way, MiB as announced")
+  app->add_option("--uploads-mb", flags->max_uploads_mb, "Uploads under way of all tenants, MiB as announced")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
 }
 
 void DefineWorkers(CLI::App* app, ServerFlags* flags) {
-  app->add_option("--workers", flags->workers, "Jobs that run at a time")
+  app->add_option("--workers", flags->workers, "Jobs that run concurrently")
       ->capture_default_str()
       ->check(CLI::Range(1, 1024));
   app->add_option("--short-workers", flags->short_workers,
-                  "How many of them are kept for jobs that are expected to take no longer than --short-seconds")
+                  "Workers reserved for jobs expected to take at most --short-seconds")
       ->capture_default_str()
       ->check(CLI::Range(0, 1023));
-  app->add_option("--short-seconds", flags->short_seconds, "Seconds that a short job is expected to take at most")
+  app->add_option("--short-seconds", flags->short_seconds, "Longest expected time of a short job, seconds")
       ->capture_default_str()
       ->check(CLI::Range(1e-3, 1e6));
-  app->add_option("--threads", flags->threads, "Threads a job may use at most [cores / workers]")
+  app->add_option("--threads", flags->threads, "Most threads of a job [cores / workers]")
       ->check(CLI::Range(1, kMaxThreads));
   AddChoice<bool>(app, "--isolation", &flags->isolated, {{"process", true}, {"thread", false}},
-                  "Where jobs run: in processes of their own, or in threads of the server");
+                  "Run jobs in separate processes, or in threads of the server");
   AddChoice<SandboxMode>(
       app, "--sandbox", &flags->sandbox,
       {{"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}},
-      "Whether worker processes give up files and the network: where the kernel allows it, or they do not start, or "
-      "not");
-  app->add_option("--recycle-after", flags->recycle_after, "Jobs after which a worker process is replaced by a new one")
+      "Deny worker processes files and the network: if the kernel supports it, or else start none, or never");
+  app->add_option("--recycle-after", flags->recycle_after, "Jobs after which a worker process is replaced")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000'000));
-  app->add_option("--job-hours", flags->job_hours, "Hours after which a worker at one job counts as hung")
+  app->add_option("--job-hours", flags->job_hours, "Hours after which a worker with one job counts as hung")
       ->capture_default_str()
       ->check(CLI::Range(1e-6, 1e6));
   app->add_option("--memory-mb", flags->memory_mb,
-                  "Memory that jobs may use together, MiB [three quarters of the machine's or the container's]")
+                  "Memory of all running jobs together, MiB [three quarters of the machine's or the container's]")
       ->check(CLI::Range(1, 100'000'000));
 }
 
-// What the command line says about the configuration itself.
+// The flags about the configuration itself.
 struct ConfigFlags {
   std::string file;  // empty: none
   bool print = false;
@@ -95,13 +94,13 @@ struct ConfigFlags {
 void DefineConfig(CLI::App* app, ConfigFlags* config) {
   app->add_option("--config", config->file,
                   "YAML file with settings: keys are names of flags without dashes. Flags, and variables like "
-                  "PLANISHD_QUEUE, go before it")
+                  "PLANISHD_QUEUE, override it")
       ->type_name("FILE")
       ->configurable(false);
   app->add_flag("--print-config", config->print,
-                "Print the settings in effect, and where they come from, as such a file")
+                "Print the settings in effect as a configuration file, with the source of each")
       ->configurable(false);
-  app->add_flag("--check-config", config->check, "Say what is wrong with flags, environment and file, or ok")
+  app->add_flag("--check-config", config->check, "Print all errors in flags, environment and file, or ok")
       ->configurable(false);
 }
 
@@ -112,10 +111,10 @@ void DefineLog(CLI::App* app, ServerFlags* flags) {
                        {"warn", LogLevel::kWarn},
                        {"error", LogLevel::kError},
                        {"off", LogLevel::kOff}},
-                      "What goes to stderr");
+                      "Least important level that is logged to stderr");
   AddChoice<LogFormat>(app, "--log-format", &flags->log_format,
                        {{"human", LogFormat::kHuman}, {"json", LogFormat::kJson}},
-                       "How: lines for people, or a JSON object a line");
+                       "Format of the log: text for people, or a JSON object on each line");
 }
 
 std::string CheckAddress(const std::string& text) {
@@ -128,53 +127,53 @@ std::string CheckHttpAddress(const std::string& text) {
 
 void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
-  app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
+  app->add_option("--listen", *listen, "Address to listen on: HOST:PORT or unix:PATH; may be given several times")
       ->capture_default_str()
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
   app->add_option("--metrics-listen", *metrics_listen,
-                  "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
+                  "Address for /metrics (Prometheus), /livez and /readyz over plain HTTP: HOST:PORT [off]")
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckHttpAddress, ""));
   DefineSecurity(app, &flags->security);
   DefineStore(app, &flags->store);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
-  app->add_option("--queue", flags->queue, "Jobs of a tenant that may wait beside those that run")
+  app->add_option("--queue", flags->queue, "Waiting jobs of each tenant")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000));
   app->add_option("--queue-total", flags->queue_total,
-                  "Jobs of all tenants that may wait; beyond it a tenant may have an equal part of it only")
+                  "Waiting jobs of all tenants; beyond it a tenant may only have an equal part")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
-  app->add_option("--max-mesh-mb", flags->max_mesh_mb, "Largest mesh that is accepted, MiB of Draco")
+  app->add_option("--max-mesh-mb", flags->max_mesh_mb, "Largest accepted mesh, MiB of Draco data")
       ->capture_default_str()
       ->check(CLI::Range(1, 2000));
-  app->add_option("--max-triangles", flags->max_triangles, "Largest mesh that is accepted, triangles")
+  app->add_option("--max-triangles", flags->max_triangles, "Largest accepted mesh, triangles")
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 40));
   app->add_option("--reattach-grace", flags->reattach_seconds,
-                  "Seconds that the job of a caller that went away waits for it to come back; then it is cancelled")
+                  "Seconds that a job waits for its disconnected caller to come back before it is cancelled")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86'400.0));
   app->add_option("--grace", flags->grace_seconds,
-                  "Seconds that accepted jobs may go on after SIGTERM or SIGINT; then they are cancelled, or with "
-                  "--data-dir or --store left to another server")
+                  "Seconds that accepted jobs may continue after SIGTERM or SIGINT. Then they are cancelled, or, with "
+                  "--data-dir or --store, left to another server")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86'400.0));
   DefineLog(app, flags);
   app->add_option("--supervisor-fd", flags->supervisor_fd,
-                  "Inherited socket: gets \"ready\\n\" once all addresses are served; the server ends, without grace, "
-                  "when the other side closes it")
+                  "Inherited socket: the server writes \"ready\\n\" to it once it serves all addresses, and ends, "
+                  "without grace, when the other side closes it")
       ->check(CLI::Range(0, 1 << 20))
       ->configurable(false);
-  // For the tests of planish itself: callers may make their jobs go wrong.
+  // For planish's own tests: callers may inject faults into their jobs.
   app->add_flag("--failpoints", flags->failpoints)->group("")->configurable(false);
   app->add_option("--worker-program", flags->worker_program)->group("")->configurable(false);
 }
 
-// To CLI11 "nan" is a number within every range.
+// CLI11 accepts "nan" as a number within every range.
 void RefuseNan(CLI::App* app) {
   const auto is_number = [](const std::string& text) {
     double number = 0;
@@ -186,7 +185,7 @@ void RefuseNan(CLI::App* app) {
   }
 }
 
-// A command line, and where it leads.
+// The options of planishd, and the configuration that a command line gives.
 class CommandLine {
  public:
   CommandLine() {
@@ -217,7 +216,7 @@ class CommandLine {
     if (flags_.short_workers > 0 && flags_.workers > 0 && flags_.short_workers >= flags_.workers) {
       return absl::InvalidArgumentError(
           absl::StrCat("--short-workers: ", flags_.short_workers, " of ", flags_.workers,
-                       " workers would be kept for short jobs: then no worker is left for others"));
+                       " workers would be reserved for short jobs, so that no worker is left for other jobs"));
     }
     if (!AnswersCallers(flags_.store.role)) flags_.listen.clear();
     PLANISH_RETURN_IF_ERROR(CheckSecurity(flags_.listen, &flags_.security));
@@ -225,8 +224,8 @@ class CommandLine {
         settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")});
     if (!metrics_listen_.empty() && !IsWithinThisMachine(metrics_listen_)) {
       warnings.push_back(absl::StrCat("--metrics-listen=", metrics_listen_,
-                                      " tells whoever connects the names of tenants and what they do, without "
-                                      "encryption: listen on 127.0.0.1, or on a network of your own"));
+                                      " shows the names of tenants and their activity to everybody who connects, "
+                                      "without encryption: listen on 127.0.0.1, or on a private network"));
     }
     return ServerConfig{flags_, settings_->InEffect(), std::move(warnings)};
   }
@@ -234,7 +233,7 @@ class CommandLine {
  private:
   static int Cores() { return static_cast<int>(std::thread::hardware_concurrency()); }
 
-  // What follows from settings, or from the machine where nobody set it.
+  // Derives values from other settings, or from the machine if they are not set.
   void Derive() {
     if (app_.count("--memory-mb") == 0) flags_.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
     if (app_.count("--threads") == 0) flags_.threads = std::clamp(Cores() / flags_.workers, 1, kMaxThreads);
@@ -251,7 +250,7 @@ class CommandLine {
   std::optional<Settings> settings_;
 };
 
-// One sentence a line, each with the program's name.
+// Prints each line of the message after the program's name. Returns exit code 2.
 int Refuse(const absl::Status& status) {
   for (const auto& line : absl::StrSplit(status.message(), '\n')) std::cerr << "planishd: " << line << "\n";
   return kBadUsage;

@@ -11,13 +11,13 @@
 namespace planish {
 namespace {
 
-// An access file knows who of the machine's users may call: all of them may knock. Without one the kernel keeps others
-// out, and CallerSource once more.
+// With an access file every user of the machine may connect, and the file decides who may call. Without one the mode
+// keeps other users out, and so does CallerSource.
 constexpr unsigned kEverybody = 0666;
 constexpr unsigned kOwner = 0600;
 
-// Room for thousands of connections, which have some kilobytes each, and beside them two of the largest meshes in one
-// message. It is soft: .github/SECURITY.md has what was measured.
+// Room for thousands of connections of some kilobytes each, and for one message with two of the largest meshes. The
+// limit is not exact: .github/SECURITY.md has measurements.
 constexpr std::int64_t kConnectionBytes = std::int64_t{256} << 20;
 
 std::vector<std::string> Named(std::vector<std::string> files) {
@@ -29,7 +29,7 @@ void LogWarnings(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) LogWarn(warning);
 }
 
-// `name`: of what was prepared.
+// `name`: what was prepared, for the log.
 void TakeOver(const absl::StatusOr<std::function<void()>>& prepared, const std::string& name) {
   if (prepared.ok()) return (*prepared)();
   LogError(name + " stays as it was", {{"error", std::string(prepared.status().message())}});
@@ -69,7 +69,7 @@ void FrontDoor::Configure(RpcServerOptions* options) {
     if (IsLocal(address)) continue;
     if (tls_ == nullptr) LogWarn(address.text + " serves other machines without encryption");
     if (access_ == nullptr && flags_.client_auth != ClientAuth::kRequire) {
-      LogWarn(address.text + " serves whoever connects: there is no access file");
+      LogWarn(address.text + " serves everybody who connects: there is no access file");
     }
   }
 }

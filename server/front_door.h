@@ -1,4 +1,4 @@
-// Who gets in, and how: TLS, the access file and users of Unix sockets, by the flags of planishd.
+// Access control by the flags of planishd: TLS, the access file, and the users of Unix sockets.
 #pragma once
 
 #include <functional>
@@ -18,40 +18,41 @@
 
 namespace planish {
 
-// Must outlive the RpcServer that it has opened for. Thread-safe.
+// Must outlive the RpcServer that it configured. Thread-safe.
 class FrontDoor {
  public:
-  // Reads and checks all files; INVALID_ARGUMENT with what is wrong with them.
+  // Reads and checks all files. INVALID_ARGUMENT says what is wrong with them.
   static absl::StatusOr<std::unique_ptr<FrontDoor>> Open(const SecurityFlags& flags);
 
-  // Sets what of `options` is about security.
+  // Sets the security options among `options`.
   void Configure(RpcServerOptions* options);
 
   const CallerSource& callers() const { return *callers_; }
 
-  // By the access file as it is at each call; defaults without one. Must not outlive this object.
+  // Looks limits up in the access file that is in force at the time; defaults without a file. Must not outlive this
+  // object.
   TenantLimitsSource limits() const;
 
-  // When the certificate in force ends; null without TLS. Must not outlive this object.
+  // When the certificate in force expires; null without TLS. Must not outlive this object.
   std::function<absl::Time()> certificate_end() const;
 
   // Null without an access file.
   const AccessSource* access() const { return access_.get(); }
 
-  // Reads all files again; the function puts what they say in force, and says so in the log. The first error if
-  // anything is wrong with any of them.
+  // Reads all files again; calling the returned function puts them in force and logs it. If any file is wrong, returns
+  // the first error.
   absl::StatusOr<std::function<void()>> PrepareReload();
 
-  // Takes over what has changed, each file on its own: what is wrong stays as it was. Logs what came of it. Call it a
-  // few times a second.
+  // Reloads files that changed, each independently of the others. A wrong file changes nothing. Logs the outcome. Call
+  // it a few times a second.
   void Tick();
 
  private:
   explicit FrontDoor(SecurityFlags flags);
-  // A function that does nothing without these files.
+  // Return a function that does nothing if there are no such files.
   absl::StatusOr<std::function<void()>> PrepareAccess();
   absl::StatusOr<std::function<void()>> PrepareTls();
-  // In the log.
+  // Names for the log.
   std::string AccessName() const;
   std::string TlsName() const;
 

@@ -36,7 +36,7 @@ std::string LabelsOf(const v1::Job& job) {
   return text;
 }
 
-// What happened, beside which job and when.
+// The fields that describe the event.
 LogFields Facts(const v1::Job& job) {
   const double ran = job.has_start_time() ? Seconds(job.start_time(), job.end_time()) : 0;
   switch (job.state()) {

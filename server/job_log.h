@@ -5,10 +5,10 @@
 
 namespace planish {
 
-// Writes one line about a job that changed its state: names, times and sizes, nothing of the mesh.
+// Logs one line about a job that changed its state: names, times and sizes, but nothing about the mesh's contents.
 void LogTransition(const v1::Job& job);
 
-// Which job, of whom, in which trace: what begins the fields of any line about a job.
+// The first fields of every line about a job: job, tenant and trace.
 LogFields JobFields(const v1::Job& job);
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// What `man planishd` says beside the flags.
+// The text of `man planishd` around the flags.
 #pragma once
 
 #include "core/base/command_pages.h"

@@ -29,13 +29,13 @@ std::int64_t ParseMemoryLimit(const std::string& meminfo, const std::string& cgr
       break;
     }
   }
-  std::int64_t group = 0;  // "max" where there is no limit
+  std::int64_t group = 0;  // "max" means no limit
   if (absl::SimpleAtoi(cgroup_max, &group) && group > 0) limit = std::min(limit, group);
   return limit;
 }
 
 std::int64_t MemoryLimit() {
-  // Inside a container its own group is mounted as the root.
+  // Inside a container, the container's own group is mounted as the root.
   return ParseMemoryLimit(ReadText("/proc/meminfo"), ReadText("/sys/fs/cgroup/memory.max"));
 }
 

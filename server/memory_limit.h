@@ -5,11 +5,12 @@
 
 namespace planish {
 
-// Bytes of memory that this process and its children may use: the machine's, or less where a control group (a
-// container) says so.
+// Bytes of memory that this process and its children may use: those of the machine, or the limit of the control group
+// (the container) if that is lower.
 std::int64_t MemoryLimit();
 
-// The lower of what `meminfo` (as /proc/meminfo) and `cgroup_max` (as memory.max, empty where there is none) say.
+// The lower of the limits in `meminfo` (the text of /proc/meminfo) and `cgroup_max` (the text of memory.max; empty if
+// there is none).
 std::int64_t ParseMemoryLimit(const std::string& meminfo, const std::string& cgroup_max);
 
 }  // namespace planish

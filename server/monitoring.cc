@@ -10,11 +10,12 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Obstacle = Readiness::Obstacle;
 
-// Beats and upkeep come round ten times a second; a store on a slow disk may hold up upkeep.
+// Beats and upkeep run ten times a second; a store on a slow disk may delay upkeep.
 constexpr std::chrono::seconds kBeatLimit(30);
 constexpr absl::Duration kAnswerLimit = absl::Seconds(3);
 constexpr std::chrono::seconds kProbeInterval(2);
-// How long the store may take to answer before the server is not ready, and a scrape waits for its figures.
+// How long the store may take to answer before the server counts as not ready, and how long a scrape waits for its
+// figures.
 constexpr std::chrono::seconds kStoreLimit(5);
 constexpr std::chrono::seconds kScrapePatience(1);
 
@@ -147,7 +148,7 @@ void Monitoring::SetEnding() {
 }
 
 void Monitoring::Detach() {
-  std::unique_ptr<PatientQuestion<absl::Status>> probe;  // end without the lock
+  std::unique_ptr<PatientQuestion<absl::Status>> probe;  // destroyed without the lock
   std::unique_ptr<PatientQuestion<StoreFigures>> figures;
   const std::unique_lock lock(mutex_);
   server_.reset();
@@ -167,7 +168,7 @@ void Monitoring::TellReadiness() {
   if (on_readiness_) on_readiness_(why_not);
 }
 
-// ---- what is asked over HTTP
+// ---- HTTP answers
 
 HttpAnswer Monitoring::Answer(const std::string& path) const {
   if (path == "/metrics") return Metrics();
@@ -204,7 +205,7 @@ HttpAnswer Monitoring::Metrics() const {
 
 HttpAnswer Monitoring::Live() const {
   const std::shared_lock lock(mutex_);
-  // Opening the stores may take long, and so may the last moments.
+  // Opening the stores may take long, and so may the shutdown.
   if (!server_.has_value()) return {200, "live\n"};
   const Clock::duration silence = Clock::now() - last_beat_.load();
   if (silence > kBeatLimit) return Unavailable(absl::StrCat("no thread has run for ", SecondsOf(silence), " s"));

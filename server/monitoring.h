@@ -1,5 +1,4 @@
-// Everything by which others watch planishd: numbers, probes, health. It hears of what happens by hooks, and asks for
-// what is at the moment it is asked itself.
+// Monitoring of planishd: metrics, probes and gRPC health. Hooks report events; current values are read at each scrape.
 #pragma once
 
 #include <atomic>
@@ -29,68 +28,69 @@
 
 namespace planish {
 
-// The parts of a server that serves, and limits as ServerGauges has them.
+// The parts of a running server, and limits as in ServerGauges.
 struct WatchedServer {
   const JobManager* jobs = nullptr;
   UploadStore* uploads = nullptr;
   const BlobCatalog* blobs = nullptr;
   const StreamCounter* streams = nullptr;
   RpcServer* rpc = nullptr;
-  // Whether the store takes what is written to it, for people; may take for ever. Null: nothing can go wrong with it.
+  // Checks whether the store can be written; the error is for people. May never return. Null: the store cannot fail.
   std::function<absl::Status()> ask_store;
   int workers = 0;
   std::int64_t memory_limit_bytes = 0;
   std::int64_t store_limit_bytes = 0;
   std::int64_t uploads_limit_bytes = 0;
-  std::function<absl::Time()> certificate_end;  // of the certificate in force; null: there is no TLS
-  // How far this machine's clock is ahead of the store's; null: it is the store's. Quick.
+  std::function<absl::Time()> certificate_end;  // when the certificate in force expires; null: no TLS
+  // How far this machine's clock is ahead of the store's. Null: it is the store's clock. Must be quick.
   std::function<absl::Duration()> clock_skew;
 };
 
-// Serves over HTTP, where asked to:
-//   /metrics  numbers (server/metrics/definitions.h); 503 before Attach() and after Detach(). Where the store does not
+// Serves over HTTP, if Listen() is called:
+//   /metrics  metrics (server/metrics/definitions.h); 503 before Attach() and after Detach(). If the store does not
 //             answer, its numbers are those of its last answer.
 //   /livez    200 as long as the process serves: its threads run, and the gRPC server answers a call made to it. 503
-//             says what does not. For probes that restart: a restart helps no store, so the store does not count.
-//   /readyz   200 where new jobs are welcome. 503 says why not, the store for instance. For probes that take out of
+//             names the part that does not. For probes that restart the process, so the store does not count.
+//   /readyz   200 if the server takes new jobs. 503 says why not, for instance the store. For probes that take it out
+//   of
 //             service.
-// and says the same by gRPC health: the service "" is live, "planish.v1.Planish" is ready.
+// gRPC health reports the same: the service "" is live, "planish.v1.Planish" is ready.
 //
-// Made first and destroyed last. Thread-safe.
+// Create it first and destroy it last. Thread-safe.
 class Monitoring {
  public:
-  // `on_readiness` hears of each change: why the server is not ready, or "" if it is; null: nobody listens.
+  // `on_readiness` is called at each change, with the reason why the server is not ready, or "" if it is. May be null.
   explicit Monitoring(const std::string& version,
                       std::function<void(const std::string& why_not)> on_readiness = nullptr)
       : metrics_(version), on_readiness_(std::move(on_readiness)) {}
 
   // Serves from its return on. UNAVAILABLE as HttpEndpoint::Start().
   absl::Status Listen(const HttpEndpointOptions& options);
-  // Where, if anywhere.
+  // The address it listens on, if any.
   std::optional<std::string> address() const;
 
-  // ---- hooks, to be set before anything starts. What is in them already goes on to be called.
+  // ---- hooks; set them before anything starts. Functions that are already set are still called.
   void Hook(JobManagerOptions* options);
   void Hook(WorkerPoolOptions* options);
   CallListener Calls();
 
-  // Workers that are there for jobs, idle or with one. From the hooks.
+  // Workers that are ready, idle or with a job, as counted by the hooks.
   int workers_ready() const { return metrics_.workers_ready(); }
 
   // The server serves from now on.
   void Attach(const WatchedServer& server);
-  // To be called a few times a second, on a thread that does nothing else. Waits for nobody.
+  // Call it a few times a second, on a thread that does nothing else. Never blocks.
   void Beat();
-  // Upkeep has come round.
+  // Upkeep has completed a round.
   void NoteUpkeep() { last_upkeep_ = std::chrono::steady_clock::now(); }
-  // The server takes no new jobs and is about to end: not ready any more, live as before.
+  // The server takes no new jobs and is about to exit: no longer ready, but still live.
   void SetEnding();
-  // What was attached may go. Waits for a question to the store that is under way.
+  // After it, the attached parts may be destroyed. Waits for a running question to the store.
   void Detach();
 
  private:
   HttpAnswer Answer(const std::string& path) const;
-  // What the store says of jobs and uploads.
+  // Figures that the store has about jobs and uploads.
   struct StoreFigures {
     ManagerStats jobs;
     UploadGauges uploads;
@@ -100,9 +100,9 @@ class Monitoring {
   HttpAnswer Live() const;
   HttpAnswer Ready() const;
   void SetStartError(std::string error);
-  // Why the store is in the way of new jobs, "": it is not.
+  // Why the store prevents new jobs; "" if it does not.
   std::string StoreObstacle(std::chrono::steady_clock::time_point now);
-  // Tells gRPC's health and on_readiness_ if it changed.
+  // Updates gRPC's health and calls on_readiness_ if readiness changed.
   void TellReadiness();
 
   ServerMetrics metrics_;
@@ -110,18 +110,18 @@ class Monitoring {
   Readiness readiness_;
   std::atomic<bool> ending_ = false;
   std::atomic<std::chrono::steady_clock::time_point> last_beat_ = {}, last_upkeep_ = {};
-  std::chrono::steady_clock::time_point next_probe_;  // touched by Beat() only
+  std::chrono::steady_clock::time_point next_probe_;  // used by Beat() only
 
   std::mutex start_mutex_;
-  std::string start_error_;  // of the last start of a worker, "": it went well; guarded by start_mutex_
+  std::string start_error_;  // of the last start of a worker, "" if it succeeded; guarded by start_mutex_
 
   mutable std::shared_mutex mutex_;
   std::optional<WatchedServer> server_;  // guarded by mutex_
-  // Guarded by mutex_, null while nothing is attached. `probe_` also where there is nothing to ask.
+  // Guarded by mutex_. Null while nothing is attached; `probe_` also if there is nothing to ask.
   std::unique_ptr<PatientQuestion<absl::Status>> probe_;
   std::unique_ptr<PatientQuestion<StoreFigures>> figures_;
   std::mutex telling_;
-  bool told_ready_ = true;  // guarded by telling_; as gRPC's health begins
+  bool told_ready_ = true;  // guarded by telling_; gRPC's health begins as SERVING
 
   std::unique_ptr<HttpEndpoint> endpoint_;  // last: its threads end first
 };

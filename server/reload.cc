@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// A line of the log for each line of the message.
+// Logs each line of the message as a line of its own.
 void LogRefusal(const absl::Status& status) {
   for (const auto& line : absl::StrSplit(status.message(), '\n', absl::SkipEmpty())) {
     LogError(absl::StrCat("not reloaded: ", line));
@@ -50,7 +50,7 @@ ConfigInForce Reloader::InForce() const {
 
 std::vector<Setting> Reloader::Merge(const std::vector<Setting>& wanted) const {
   std::vector<Setting> merged = InForce().settings;
-  // Both lists are all settings in the order of their definition.
+  // Both lists have all settings, in the order of their definition.
   for (std::size_t i = 0; i < merged.size(); ++i) {
     const Setting& next = wanted[i];
     const std::string change = absl::StrCat(next.key, " changed from ", ValueText(merged[i]), " to ", ValueText(next));

@@ -1,4 +1,4 @@
-// New settings for a server that runs.
+// Reloads the settings of a running server.
 #pragma once
 
 #include <functional>
@@ -15,34 +15,34 @@
 
 namespace planish {
 
-// Makes ready what a part of the server needs for new settings, changing nothing yet: reads and checks files, for
-// instance. An error keeps the whole server as it is. The function that it returns puts the new settings in force; it
-// is called if all parts are ready, and must not fail.
+// Prepares one part of the server for new settings without changing anything, for instance by reading and checking
+// files. If any hook fails, nothing in the server changes. The returned function puts the new settings in force; it is
+// called once all hooks have succeeded, and must not fail.
 using ReloadHook = std::function<absl::StatusOr<std::function<void()>>(const ServerFlags& flags)>;
 
-// What the server runs with.
+// The settings in force.
 struct ConfigInForce {
   std::vector<Setting> settings;
   absl::Time load_time;
 };
 
-// Hooks are added before the first Reload(); InForce() is thread-safe, the rest for one thread.
+// Add hooks before the first Reload(). InForce() is thread-safe; use the other functions on one thread.
 class Reloader {
  public:
   explicit Reloader(std::vector<Setting> settings);
 
-  // `keys`: the settings that the hook takes care of. It is called at every reload, whether they changed or not: files
-  // that they name may have.
+  // `keys`: the settings that the hook handles. The hook is called at every reload, even if they did not change, since
+  // files that they name may have.
   void AddHook(const std::vector<std::string>& keys, ReloadHook hook);
 
-  // All or nothing: puts what hooks take care of in force, and names in the log every other setting that changed. These
-  // stay as they were until a restart. The log also says how it ended.
+  // Reloads all or nothing. Puts the settings that hooks handle in force, and logs the name of every other setting that
+  // changed; these take effect after a restart. Also logs the outcome.
   void Reload(const absl::StatusOr<ServerConfig>& config);
 
   ConfigInForce InForce() const;
 
  private:
-  // Names what changed in the log; the settings in force then.
+  // Logs the names of changed settings. Returns the settings in force.
   std::vector<Setting> Merge(const std::vector<Setting>& wanted) const;
 
   std::set<std::string> keys_;

@@ -1,4 +1,4 @@
-// The flags of planishd about who may call, and how calls travel.
+// The flags of planishd about credentials and encryption.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@
 namespace planish {
 
 struct SecurityFlags {
-  std::string access_file;  // empty: who can connect may do everything
+  std::string access_file;  // empty: everybody who can connect has all rights
   TlsFiles tls;             // no certificate: plaintext
   ClientAuth client_auth = ClientAuth::kNone;
   bool insecure = false;
@@ -20,8 +20,9 @@ struct SecurityFlags {
 
 void DefineSecurity(CLI::App* app, SecurityFlags* flags);
 
-// What the flags say together, after they were parsed. INVALID_ARGUMENT, in words, if that makes no sense, or opens one
-// of `listen` to other machines without encryption or to anybody, and nobody said --insecure.
+// Checks the combination of flags after parsing. INVALID_ARGUMENT, with a message for people, if they contradict each
+// other, or if, without --insecure, an address in `listen` would serve other machines without encryption or without
+// credentials.
 absl::Status CheckSecurity(const std::vector<ListenAddress>& listen, SecurityFlags* flags);
 
 }  // namespace planish

@@ -15,7 +15,7 @@
 namespace planish {
 namespace {
 
-// Of a value: an assignment ends with its line.
+// The value on one line: a line break would end the assignment.
 std::string OneLine(const std::string& text) {
   return absl::StrReplaceAll(text, {{"\n", " "}});
 }

@@ -1,15 +1,17 @@
-// Tells systemd how the service does: the protocol of sd_notify(3), datagrams to the socket that NOTIFY_SOCKET names.
+// Reports the state of the service to systemd by the protocol of sd_notify(3): datagrams to the socket that
+// NOTIFY_SOCKET names.
 #pragma once
 
 #include <string>
 
 namespace planish {
 
-// Without NOTIFY_SOCKET nothing is sent. What cannot be delivered is dropped: it must not hold up the service.
-// Thread-safe after construction.
+// Sends nothing without NOTIFY_SOCKET. Messages that cannot be delivered are dropped, so that they never delay the
+// service. Thread-safe after construction.
 class ServiceManager {
  public:
-  // Takes NOTIFY_SOCKET out of the environment, so that no child takes it for its own: make it before any thread.
+  // Removes NOTIFY_SOCKET from the environment, so that no child process uses it. Construct it before any thread
+  // starts.
   ServiceManager();
   ~ServiceManager();
   ServiceManager(const ServiceManager&) = delete;
@@ -19,7 +21,7 @@ class ServiceManager {
 
   // `status`: a line for "systemctl status".
   void Ready(const std::string& status) const;
-  // A reload begins; Ready() says that it is over, well or not.
+  // A reload begins. Call Ready() at its end, whether it succeeded or not.
   void Reloading() const;
   void Stopping(const std::string& status) const;
   void Status(const std::string& status) const;
@@ -27,7 +29,7 @@ class ServiceManager {
  private:
   void Send(const std::string& text) const;
 
-  std::string path_;  // a name that begins with '@' is an abstract one; empty: nobody listens
+  std::string path_;  // a name that begins with '@' is abstract; empty: no service manager
   int socket_ = -1;
 };
 

@@ -18,8 +18,8 @@
 namespace planish {
 namespace {
 
-// Threads that libraries start before main() do not have the signals blocked. One that gets a signal
-// hands it to the thread that waits for it.
+// Threads that libraries start before main() do not block the signals. Such a thread passes a signal on to the thread
+// that waits for it.
 volatile sig_atomic_t waiting_thread = 0;
 
 void HandOver(int signal) {
@@ -59,7 +59,7 @@ ShutdownEvents::~ShutdownEvents() {
 
 void ShutdownEvents::TellReady() {
   constexpr char kReady[] = "ready\n";
-  // If nobody reads, Wait() finds that out.
+  // If nobody reads, Wait() reports it.
   if (supervisor_fd_ >= 0) [[maybe_unused]]
     const ssize_t written = write(supervisor_fd_, kReady, sizeof(kReady) - 1);
 }

@@ -1,4 +1,4 @@
-// What the main thread of planishd waits for.
+// The events that the main thread of planishd waits for.
 #pragma once
 
 #include "absl/time/time.h"
@@ -8,18 +8,18 @@ namespace planish {
 enum class Wake {
   kSignal,          // SIGTERM or SIGINT
   kReload,          // SIGHUP
-  kSupervisorGone,  // the supervisor's end of the socket is closed; told once
-  kIdle,            // NotifyIdle() was called; told once
-  kFailed,          // NotifyFailed() was called; told once
+  kSupervisorGone,  // the supervisor's end of the socket was closed; reported once
+  kIdle,            // NotifyIdle() was called; reported once
+  kFailed,          // NotifyFailed() was called; reported once
   kTimeout,
 };
 
-// Takes SIGTERM, SIGINT and SIGHUP out of ordinary delivery: make it before any thread starts, once in a process. A
-// supervised server ignores SIGINT: Ctrl-C in a terminal hits the whole process group, and the supervisor wants to
-// cancel first.
+// Blocks SIGTERM, SIGINT and SIGHUP and receives them itself. Construct it before any thread starts, once in a process.
+// A supervised server ignores SIGINT: Ctrl-C in a terminal reaches the whole process group, and the supervisor must be
+// able to cancel its job first.
 class ShutdownEvents {
  public:
-  // `supervisor_fd`: see ServerFlags; taken over. -1: none.
+  // `supervisor_fd`: see ServerFlags; this object takes ownership. -1: none.
   explicit ShutdownEvents(int supervisor_fd);
   ~ShutdownEvents();
   ShutdownEvents(const ShutdownEvents&) = delete;
@@ -28,7 +28,7 @@ class ShutdownEvents {
   // Writes "ready\n" to the supervisor, if there is one.
   void TellReady();
 
-  // Waits at most `timeout`. One thread.
+  // Waits at most `timeout`. Call it from one thread.
   Wake Wait(absl::Duration timeout);
 
   // Thread-safe.

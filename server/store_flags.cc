@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kS3 = "s3://";
 
-// postgresql://USER:PASSWORD@..., or a parameter `password`.
+// Whether the URL has the form postgresql://USER:PASSWORD@..., or a parameter `password`.
 bool HoldsPassword(const std::string& url) {
   if (const std::size_t scheme = url.find("://"); scheme != std::string::npos) {
     const std::size_t begin = scheme + 3;
@@ -32,11 +32,11 @@ bool HoldsPassword(const std::string& url) {
 void DefineStore(CLI::App* app, StoreFlags* flags) {
   AddChoice<Role>(app, "--role", &flags->role,
                   {{"all", Role::kAll}, {"front", Role::kFront}, {"worker", Role::kWorker}},
-                  "What this server does: answers callers and runs jobs, or one of the two for a farm (--store). A "
-                  "worker listens nowhere but at --metrics-listen; settings of the other role have no effect");
+                  "Whether this server answers callers, runs jobs, or does both; only in a farm (--store) it may do "
+                  "one. A worker listens only on --metrics-listen; settings of the other role have no effect");
   app->add_option("--data-dir", flags->data_dir,
-                  "Directory for jobs, meshes and results: they outlive the server. Without it, and without --store, "
-                  "all is kept in memory")
+                  "Directory for jobs, meshes and results, which then outlive the server. Without it, and without "
+                  "--store, they are in memory")
       ->type_name("DIR");
   app->add_option("--store", flags->url,
                   "PostgreSQL that any number of servers share: postgresql://USER@HOST/DATABASE, with libpq's "
@@ -50,18 +50,16 @@ void DefineStore(CLI::App* app, StoreFlags* flags) {
       ->capture_default_str()
       ->type_name("PLACE");
   app->add_option("--lease", flags->lease_seconds,
-                  "Seconds after which the jobs of a server that says nothing any more go to another one")
+                  "Seconds after which the jobs of a server that no longer responds go to another server")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 3600.0));
-  app->add_option("--s3-endpoint", flags->s3_endpoint, "https://HOST[:PORT] of the S3 server [that of AWS]")
-      ->type_name("URL");
+  app->add_option("--s3-endpoint", flags->s3_endpoint, "https://HOST[:PORT] of the S3 server [AWS]")->type_name("URL");
   app->add_option("--s3-region", flags->s3_region, "Region of the bucket")->capture_default_str()->type_name("NAME");
-  app->add_option(
-         "--s3-credentials", flags->s3_credentials,
-         "File with aws_access_key_id and aws_secret_access_key, as the AWS command line has it [the variables "
-         "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN]")
+  app->add_option("--s3-credentials", flags->s3_credentials,
+                  "File with aws_access_key_id and aws_secret_access_key, in the format of the AWS command line [the "
+                  "variables AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN]")
       ->type_name("FILE");
-  app->add_option("--s3-ca", flags->s3_ca, "Who signs the S3 server's certificate, PEM [as the system has it]")
+  app->add_option("--s3-ca", flags->s3_ca, "CA of the S3 server's certificate, PEM [the CAs of the system]")
       ->type_name("FILE");
 }
 
@@ -89,17 +87,17 @@ absl::Status CheckStore(const StoreFlags& flags) {
         absl::StrCat(needs_store, " needs --store: the PostgreSQL that the servers of a farm share"));
   }
   if (!flags.data_dir.empty()) {
-    return absl::InvalidArgumentError("--data-dir and --store exclude each other: jobs are in one or the other");
+    return absl::InvalidArgumentError("--data-dir and --store cannot be combined: jobs are in one or the other");
   }
   if (HoldsPassword(flags.url)) {
     return absl::InvalidArgumentError(
-        "--store: the URL holds a password, which everybody on this machine could read: put it into a file, and name "
-        "that with --store-password-file");
+        "--store: the URL contains a password, which everybody on this machine could read: put it into a file and give "
+        "--store-password-file");
   }
   if (flags.blobs == "postgresql" || flags.blobs.starts_with('/')) return absl::OkStatus();
   if (flags.blobs.starts_with(kS3)) return ParseS3Place(flags.blobs).status();
   return absl::InvalidArgumentError(
-      absl::StrCat("--blobs: '", flags.blobs, "' is none of postgresql, s3://BUCKET/PREFIX and /DIRECTORY"));
+      absl::StrCat("--blobs: '", flags.blobs, "' is not postgresql, s3://BUCKET/PREFIX or /DIRECTORY"));
 }
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// The flags of planishd about where jobs and blobs are, and what this server does for them.
+// The flags of planishd about the store, the blobs, and the server's role.
 #pragma once
 
 #include <string>
@@ -24,17 +24,17 @@ constexpr bool RunsJobs(Role role) {
 
 struct StoreFlags {
   Role role = Role::kAll;
-  std::string data_dir;              // of an embedded store; empty: in memory, which ends with the process
+  std::string data_dir;              // of an embedded store; empty: in memory, lost with the process
   std::string url;                   // of PostgreSQL; empty: an embedded store
   std::string password_file;         // empty: none
   std::string blobs = "postgresql";  // "postgresql", "s3://BUCKET[/PREFIX]", or a directory; of a farm
-  std::string s3_endpoint;           // empty: that of AWS
+  std::string s3_endpoint;           // empty: AWS
   std::string s3_region = "us-east-1";
   std::string s3_credentials;  // empty: from the environment
-  std::string s3_ca;           // empty: those of the system
-  double lease_seconds = 15;   // of work that runs, > 0
+  std::string s3_ca;           // empty: the CAs of the system
+  double lease_seconds = 15;   // of running work, > 0
 
-  // Whether other servers use the same store.
+  // Whether other servers may use the same store.
   bool is_farm() const { return !url.empty(); }
   // Whether jobs outlive this process.
   bool is_durable() const { return is_farm() || !data_dir.empty(); }
@@ -42,10 +42,11 @@ struct StoreFlags {
 
 void DefineStore(CLI::App* app, StoreFlags* flags);
 
-// What the flags say together, after they were parsed. INVALID_ARGUMENT, in words, if that makes no sense.
+// Checks the combination of flags after parsing. INVALID_ARGUMENT, with a message for people, if they contradict each
+// other.
 absl::Status CheckStore(const StoreFlags& flags);
 
-// StoreFlags::blobs that begin with "s3://" taken apart.
+// The parts of a StoreFlags::blobs that begins with "s3://".
 struct S3Place {
   std::string bucket, prefix;  // of all keys, without a slash at either end; may be empty
 };

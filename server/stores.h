@@ -1,4 +1,4 @@
-// What planishd keeps, and where: jobs, blobs and uploads, embedded or shared with other servers.
+// The stores of planishd: jobs, blobs and uploads, embedded or shared with other servers.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@
 
 namespace planish {
 
-// What servers share. In the order of dependence.
+// The stores that servers of a farm share. Later members use earlier ones.
 struct FarmStores {
   std::unique_ptr<JobStore> jobs;
   std::unique_ptr<ServerRegistry> registry;
@@ -26,15 +26,15 @@ struct FarmStores {
   std::unique_ptr<SqlUploads> uploads;
 };
 
-// Opens and sets up what the flags name. UNAVAILABLE with a message for people if something cannot be reached;
-// INVALID_ARGUMENT if a file that a flag names cannot be read, or a flag makes no sense.
+// Opens and sets up the stores that the flags name. UNAVAILABLE with a message for people if one cannot be reached;
+// INVALID_ARGUMENT if a file that a flag names cannot be read, or a flag is wrong.
 using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& flags)>;
 
-// In the order of dependence.
+// Later members use earlier ones.
 struct Stores {
   FarmStores farm;                         // all null without --store
   std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
-  std::unique_ptr<DiskRoom> disk;          // likewise
+  std::unique_ptr<DiskRoom> disk;          // of a data directory
   std::unique_ptr<JobStore> own_jobs;      // null in a farm
   std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;
@@ -42,12 +42,12 @@ struct Stores {
   JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
   // JobManagerOptions::disk_shortage.
   absl::StatusOr<std::int64_t> DiskShortage(std::int64_t more) const;
-  // Whether an upload needs the blob, or is made of it; true too if that cannot be asked.
+  // Whether an upload refers to the blob or has it as a piece. Also true if the store of uploads does not answer.
   bool IsBlobUsed(const BlobId& id) const;
 };
 
-// Opens and sets up what the flags name; `open_farm` if they name --store. Errors of FarmOpener; UNAVAILABLE too if
-// another process has the data directory.
+// Opens and sets up the stores that the flags name, by `open_farm` if they name --store. Errors of FarmOpener; also
+// UNAVAILABLE if another process owns the data directory.
 absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits,
                                   const FarmOpener& open_farm);
 

@@ -9,11 +9,11 @@
 
 namespace planish {
 
-// Calls a function again and again on a thread of its own, until it is destroyed.
+// Calls a function at an interval, on its own thread, until the object is destroyed.
 class Upkeep {
  public:
   Upkeep(absl::Duration interval, std::function<void()> task);
-  // Waits for a call under way.
+  // Waits for a running call.
   ~Upkeep();
   Upkeep(const Upkeep&) = delete;
   Upkeep& operator=(const Upkeep&) = delete;

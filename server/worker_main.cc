@@ -29,7 +29,7 @@ namespace {
 constexpr int kCannotWork = 3;
 constexpr int kOutOfMemory = 4;
 
-// What the handler below sends: nothing can be allocated by then.
+// The link and the prepared message for the handler below, which cannot allocate memory.
 int link_fd = -1;
 std::string* last_words = nullptr;
 
@@ -45,8 +45,8 @@ bool IsOutOfMemory() {
   return false;
 }
 
-// Memory that runs out where nobody can catch it, as on a helper's thread, still ends the job with its name. Anything
-// else is a bug, and aborts.
+// If memory runs out on a helper thread, where nobody can catch it, the job still ends with OUT_OF_MEMORY. Any other
+// exception is a bug, and aborts.
 [[noreturn]] void EndWithoutMemory() {
   if (!IsOutOfMemory()) std::abort();
   [[maybe_unused]] const ssize_t written = write(link_fd, last_words->data(), last_words->size());
@@ -67,14 +67,14 @@ bool IsAlone(int fd) {
   return poll(&source, 1, 0) > 0 && (source.revents & (POLLHUP | POLLERR | POLLNVAL)) != 0;
 }
 
-// A header that announces more bytes than any message may have.
+// Sends a header that announces more bytes than a message may have.
 void SendGarbage() {
   const std::string garbage(64, '\xff');
   [[maybe_unused]] const ssize_t written = write(link_fd, garbage.data(), garbage.size());
 }
 
-// Until here the worker wrote to a file that the server reads if it does not get ready; from now on to where the server
-// wants to hear of it. Returns that file.
+// Switches stderr from the file that the server reads after a failed start to the descriptor for running workers.
+// Returns that file.
 Descriptor SwitchStderr(int stderr_fd) {
   if (stderr_fd < 0) return Descriptor();
   Descriptor words(fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0));
@@ -97,7 +97,7 @@ int Run(const WorkerArguments& arguments) {
   settings.owns_process = true;
   settings.failpoints = arguments.failpoints;
   settings.send_garbage = SendGarbage;
-  const Descriptor words = SwitchStderr(arguments.stderr_fd);  // the sandbox allows that no more
+  const Descriptor words = SwitchStderr(arguments.stderr_fd);  // the sandbox no longer allows it
   if (arguments.sandbox != SandboxMode::kOff) {
     const absl::Status sandbox = EnterSandbox();
     if (!sandbox.ok() && arguments.sandbox == SandboxMode::kRequire) {
@@ -119,7 +119,7 @@ std::optional<int> RunIfWorker(int argc, char** argv) {
   const std::optional<WorkerArguments> arguments = ParseWorkerArguments(argc, argv);
   if (!arguments.has_value()) return std::nullopt;
   const int code = Run(*arguments);
-  // No destructors: libraries may want what a sandbox refuses, and nothing is left to save.
+  // Runs no destructors: libraries may make calls that the sandbox refuses, and nothing is left to save.
   _exit(code);
 }
 

@@ -1,12 +1,12 @@
-// planishd as a worker: the far end of StartProcessWorker().
+// planishd as a worker process, started by StartProcessWorker().
 #pragma once
 
 #include <optional>
 
 namespace planish {
 
-// If this is the command line of a worker, serves jobs over the descriptor it names until the link closes, and returns
-// the exit code. Otherwise nothing. The first call of main().
+// If this is the command line of a worker, serves jobs over the descriptor that it names until the link closes, and
+// returns the exit code. Otherwise returns nothing. main() must call it first.
 std::optional<int> RunIfWorker(int argc, char** argv);
 
 }  // namespace planish

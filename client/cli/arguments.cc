@@ -134,6 +134,10 @@ std::string CheckAtlas(const UnwrapOptions& options) {
     return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
            " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
   }
+  if (options.prefer != Prefer::kTexture && options.seams != Seams::kAuto) {
+    return std::string("--prefer is what --seams=auto cuts for; with the policy ") + ToString(options.seams) +
+           " it has no effect (name auto beside the sources, as in --seams=auto,uv)";
+  }
   if (!options.pack &&
       (options.texture_size != 0 || options.padding || options.tiles != 0 || options.effort != Effort::kNormal)) {
     return "--pack=off leaves charts as they are, so --texture-size, --padding, --tiles and --effort have no effect";
@@ -250,7 +254,7 @@ std::string CheckTogether(Arguments& arguments) {
            (streams == 1 ? "; --texcoord=all reads a file once for each set of UV" : "");
   }
   const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
-  if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
+  if (arguments.texcoord > 0 && !judges_several && arguments.command != Command::kTransfer && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
       !IsStream(arguments.input) && !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
@@ -300,6 +304,9 @@ std::string CheckTogether(Arguments& arguments) {
       }
       return "";
     }
+    case Command::kTransfer:
+      if (arguments.output.empty()) return "where should the result go? " + OutputExample("transfer", arguments.input);
+      return "";
     case Command::kEstimate:
       if (arguments.input.empty() == (arguments.triangles == 0)) {
         return "estimate what? Give a mesh file, or --triangles=N";

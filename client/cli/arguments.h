@@ -18,6 +18,7 @@ namespace planish::cli {
 enum class Command {
   kUnwrap,
   kPack,
+  kTransfer,
   kCheck,
   kReport,
   kInspect,
@@ -47,6 +48,16 @@ struct ServerFlags {
 // `options` with what the flags say, and with the token in PLANISH_TOKEN if they name no file. A token has no flag:
 // everybody on the machine sees the arguments of a command.
 ClientOptions WithServerFlags(ClientOptions options, const ServerFlags& flags);
+
+// What becomes of the images that a model's materials read with the UV that are replaced.
+enum class Textures { kTransfer, kKeep, kDrop };
+const char* ToString(Textures textures);  // "transfer", ...
+
+struct TextureArguments {
+  Textures textures = Textures::kTransfer;
+  std::int64_t memory_mb = 0;  // most that one image may take; 0: half of the machine's
+  bool allow_outside = false;
+};
 
 enum class Requirement { kUv, kNoOverlap, kNoFlip, kNoMirror, kNoDegenerate, kInTile };
 const char* ToString(Requirement requirement);  // "no-overlap", ...
@@ -85,6 +96,7 @@ struct Arguments {
   std::string output;                  // a file, "-", or a directory
   int texcoord = 0;                    // glTF: UV are read from TEXCOORD_n, in [0, 7]
   std::optional<int> output_texcoord;  // and become this one; without a value the one they are read from
+  TextureArguments textures;
   std::string picture;                 // a PNG of the map; empty: none
   std::string preview;                 // a PNG or SVG of the UV layout; empty: none
   std::string report;      // unwrap: an HTML page about the map (report_page.h); of a batch a sheet; empty: none

@@ -165,7 +165,7 @@ class BatchJob {
     }
     MakeDirectory(fs::path(item_.output).parent_path());
     files_.emplace(std::vector<std::string>{item_.input}, arguments_, item_.output, item_.texcoord,
-                   arguments_.output_texcoord.value_or(item_.texcoord));
+                   arguments_.output_texcoord);
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
     if (!job.empty()) {
@@ -245,7 +245,7 @@ class BatchJob {
 
   // `fetched`: the job ran on its own, before or while we watched.
   void Deliver(UnwrapResult result, bool fetched) {
-    for (const OutputFile& file : files_->WriteResult(result)) {
+    for (const OutputFile& file : files_->WriteResult(result, {}, context_.stop)) {
       const fs::path place = fs::path(file.path).lexically_relative(arguments_.output);
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }

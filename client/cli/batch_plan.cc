@@ -22,6 +22,7 @@
 #include "client/cli/text.h"
 #include "client/files/file_io.h"
 #include "client/files/mesh_file.h"
+#include "client/files/mesh_output.h"
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
 #include "planish/error.h"
@@ -190,15 +191,27 @@ std::string PercentDecoded(const std::string& uri) {
   return text;
 }
 
-// The files that the buffers of a glTF lie in, as it spells them.
-std::vector<std::string> BufferFiles(const std::string& gltf) {
+// The JSON of a .gltf or .glb, as text; empty if there is none.
+std::string_view GltfText(std::string_view bytes) {
+  if (!bytes.starts_with("glTF")) return bytes;
+  if (bytes.size() < 20) return "";
+  std::size_t size = 0;
+  for (std::size_t i = 4; i-- > 0;) size = size << 8 | static_cast<unsigned char>(bytes[12 + i]);
+  return bytes.substr(20, std::min(size, bytes.size() - 20));
+}
+
+// The files that buffers and images of a glTF lie in, from its folder.
+std::vector<std::string> FilesOfGltf(const std::string& bytes) {
   std::vector<std::string> files;
-  const Json json = Json::parse(gltf, nullptr, false);
-  if (!json.is_object() || !json.contains("buffers") || !json["buffers"].is_array()) return files;
-  for (const Json& buffer : json["buffers"]) {
-    if (!buffer.is_object() || !buffer.contains("uri") || !buffer["uri"].is_string()) continue;
-    const std::string uri = buffer["uri"].get<std::string>();
-    if (!uri.starts_with("data:")) files.push_back(uri);
+  const std::string_view text = GltfText(bytes);
+  const Json json = Json::parse(text.begin(), text.end(), nullptr, false);
+  for (const char* list : {"buffers", "images"}) {
+    if (!json.is_object() || !json.contains(list) || !json[list].is_array()) continue;
+    for (const Json& element : json[list]) {
+      if (!element.is_object() || !element.contains("uri") || !element["uri"].is_string()) continue;
+      const std::string uri = element["uri"].get<std::string>();
+      if (!uri.starts_with("data:")) files.push_back(PercentDecoded(uri));
+    }
   }
   return files;
 }
@@ -214,10 +227,13 @@ std::string InputDigest(const std::string& path) {
   const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
   if (!bytes.ok()) throw ErrorFrom(bytes.status());
   std::string digest = Hexadecimal(*bytes);
-  if (FormatOfPath(path) != MeshFormat::kGltf) return digest;
+  std::vector<std::string> files;
+  const std::optional<MeshFormat> format = FormatOfPath(path);
+  if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) files = FilesOfGltf(*bytes);
+  if (format == MeshFormat::kObj) files = FilesOfObj(path, *bytes);
   std::string all = digest;
-  for (const std::string& uri : BufferFiles(*bytes)) {
-    all += " " + FileDigest((std::filesystem::path(path).parent_path() / PercentDecoded(uri)).string());
+  for (const std::string& file : files) {
+    all += " " + FileDigest((std::filesystem::path(path).parent_path() / file).string());
   }
   return all == digest ? digest : Hexadecimal(all);
 }
@@ -228,6 +244,7 @@ std::string SettingsDigest(const Arguments& arguments) {
   const Json json = {{"seams", ToString(options.seams)},
                      {"hard", options.hard_edge_degrees},
                      {"sources", {seams.uv, seams.materials, seams.groups}},
+                     {"prefer", ToString(options.prefer)},
                      {"max_stretch", options.max_stretch},
                      {"pack", options.pack},
                      {"texture_size", options.texture_size},
@@ -246,7 +263,8 @@ std::string SettingsDigest(const Arguments& arguments) {
                      {"tolerance", options.solver.tolerance},
                      {"max_newton_iterations", options.solver.max_newton_iterations},
                      {"texcoord", arguments.texcoord},
-                     {"output_texcoord", arguments.OutputTexcoord()}};
+                     {"output_texcoord", arguments.OutputTexcoord()},
+                     {"textures", ToString(arguments.textures.textures)}};
   return Hexadecimal(ToLine(json));
 }
 

@@ -47,8 +47,9 @@ std::string SkippedText(const BatchPlan& plan);
 
 // ---- Digests of what a result depends on: bytes and options
 
-// The SHA-256 in hexadecimal of what is in the file `path`, and for a .gltf of the buffers that it refers to as well.
-// Throws planish::Error: FILE_UNREADABLE. A buffer that cannot be read counts as missing.
+// The SHA-256 in hexadecimal of what is in the file `path`, and of the files that it refers to as well: buffers and
+// images of a glTF, material files and images of an OBJ. Throws planish::Error: FILE_UNREADABLE. A file that it refers
+// to and that cannot be read counts as missing.
 std::string InputDigest(const std::string& path);
 
 // The SHA-256 in hexadecimal of one file's bytes; empty if it cannot be read.

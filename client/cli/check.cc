@@ -305,7 +305,12 @@ std::vector<std::pair<std::string, std::string>> CheckLines(const MeshInput& inp
     add("texel density", DensityText(density) + (material.empty() ? "" : " [" + material + "]"));
   }
   add("chart distance", SpacingText(faces, map, std::max(kSpacingReach, options.min_padding)));
-  add("seam length", Significant(check.seam_length, 4) + " times the root of the surface's area");
+  add("seam length", Significant(check.seam_length, 4) + " times the root of the surface's area, " +
+                         Significant(check.seams.visible_length, 4) + " in view");
+  add("seam turn", Fixed(check.seams.turn_deg, 1) + " degrees from edge to edge on average");
+  add("seam symmetry", check.seams.symmetry
+                           ? Fixed(100 * *check.seams.symmetry, 1) + " % of the seams have their mirror image"
+                           : "no mirror plane");
   add("packing efficiency", Fixed(100 * check.packing_efficiency, 1) + " %");
   return all;
 }
@@ -403,6 +408,9 @@ Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_se
       json["near_charts"].push_back({{"charts", {pair.a, pair.b}}, {"texels", pair.distance}});
     }
     json["seam_length"] = check.seam_length;
+    json["visible_seam_length"] = check.seams.visible_length;
+    json["seam_turn_deg"] = check.seams.turn_deg;
+    json["seam_symmetry"] = check.seams.symmetry ? Json(*check.seams.symmetry) : Json();
     json["texture_size"] = options.texture_size;
     json["tiles_used"] = check.tiles_used;
     json["packing_efficiency"] = check.packing_efficiency;

@@ -22,7 +22,7 @@ enum ExitCode : int {
 inline ExitCode ExitCodeOf(const Error& error) {
   const std::string& reason = error.reason();
   if (reason.rfind("FILE_", 0) == 0 || reason.rfind("BATCH_", 0) == 0 || reason == "OPTIONS_INVALID" ||
-      reason == "REQUEST_INVALID" || reason == "OUTPUT_UNSUPPORTED") {
+      reason == "REQUEST_INVALID" || reason == "OUTPUT_UNSUPPORTED" || reason.rfind("IMAGE_", 0) == 0) {
     return kUsage;
   }
   if (error.code() == ErrorCode::kUnauthenticated || error.code() == ErrorCode::kPermissionDenied) return kUsage;
@@ -35,6 +35,7 @@ inline ExitCode ExitCodeOf(const Error& error) {
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
 int RunBatch(const Arguments& arguments, Interrupts& interrupts);   // unwrap of several files
 int RunPack(const Arguments& arguments, Interrupts& interrupts);    // asks no server
+int RunTransfer(const Arguments& arguments, Interrupts& interrupts);  // asks no server
 int RunCheck(const Arguments& arguments, Interrupts& interrupts);   // asks no server
 int RunReport(const Arguments& arguments, Interrupts& interrupts);  // asks no server
 int RunInspect(const Arguments& arguments);                         // asks no server

@@ -146,9 +146,28 @@ void AddOutputTexcoord(CLI::App& app, Arguments& arguments) {
       ->type_name("N");
 }
 
+void AddTextures(CLI::App& app, Arguments& arguments) {
+  Choices<Textures>{{Textures::kTransfer, Textures::kKeep, Textures::kDrop}}.AddTo(
+      app, "--textures", arguments.textures.textures,
+      "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
+      "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
+  AddImageLimits(app, arguments);
+}
+
+void AddImageLimits(CLI::App& app, Arguments& arguments) {
+  app.add_option("--memory", arguments.textures.memory_mb,
+                 "Megabytes that moving one image may take at most [half of the machine's]")
+      ->check(CLI::Range(1, 1 << 24).description(""))
+      ->type_name("MB");
+  app.add_flag("--allow-outside", arguments.textures.allow_outside,
+               "Read images that do not lie in the folder of the model as well");
+}
+
 void AddAtlasSize(CLI::App& app, Arguments& arguments) {
   UnwrapOptions& options = arguments.options;
-  app.add_option("--texture-size", options.texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+  app.add_option(
+         "--texture-size", options.texture_size,
+         "Texels per side of a tile, 16 to 65536 [1024; with images to move as many as keep their texel density]")
       ->check(CLI::Range(16, 65536).description(""))
       ->type_name("N");
   app.add_option_function<int>(
@@ -268,6 +287,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddOutputTexcoord(watch, arguments);
+  AddTextures(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
   AddTerminal(watch, arguments);
   AddProgress(watch, arguments);

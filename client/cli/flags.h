@@ -51,6 +51,10 @@ void AddOutput(CLI::App& app, Arguments& arguments, bool takes_batch);
 void AddPreview(CLI::App& app, Arguments& arguments);
 void AddTexcoord(CLI::App& app, Arguments& arguments);
 void AddOutputTexcoord(CLI::App& app, Arguments& arguments);
+// --textures and what goes with it.
+void AddTextures(CLI::App& app, Arguments& arguments);
+// --memory and --allow-outside, which AddTextures() includes.
+void AddImageLimits(CLI::App& app, Arguments& arguments);
 void AddAtlasSize(CLI::App& app, Arguments& arguments);
 void AddTiles(CLI::App& app, Arguments& arguments);
 void AddPacking(CLI::App& app, Arguments& arguments);

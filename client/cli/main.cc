@@ -20,6 +20,8 @@ int Run(const Arguments& arguments) {
         return RunUnwrap(arguments, interrupts);
       case Command::kPack:
         return RunPack(arguments, interrupts);
+      case Command::kTransfer:
+        return RunTransfer(arguments, interrupts);
       case Command::kCheck:
         return RunCheck(arguments, interrupts);
       case Command::kReport:

@@ -41,7 +41,8 @@ Seams: --seams takes a comma-separated list of at most one policy and any number
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
   needed       the given seams, and more only where a piece is no disc or no map keeps its borders;
                the default where sources are given without a policy
-  keep         the given seams and no others: a piece that is no disc is refused
+  keep         the given seams; a piece with holes is slit only where it has no other map (a warning
+               says so), a closed piece is refused
   none         no cut: the mesh must be a disc
   uv           borders of the UV islands that the file has
   materials    between faces of different materials
@@ -142,8 +143,11 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
          },
          "Where to cut: auto, needed, keep or none, and sources of given seams (uv, hard, ...) [auto]")
       ->type_name("LIST");
+  Choices<Prefer>{{Prefer::kSeams, Prefer::kTexture}}.AddTo(
+      app, "--prefer", arguments.options.prefer,
+      "What auto cuts for: seams, few, short and hidden ones; texture, charts that pack well, more of them [texture]");
   app.add_option("--max-stretch", arguments.options.max_stretch,
-                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05]")
+                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05, with --prefer=seams 1.25]")
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
 }
@@ -190,6 +194,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.option_defaults()->group("Files");
   AddTexcoord(unwrap, arguments);
   AddOutputTexcoord(unwrap, arguments);
+  AddTextures(unwrap, arguments);
   AddPreset(unwrap, arguments);
   AddBatch(unwrap, arguments);
 
@@ -345,9 +350,45 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
   AddWeights(pack, arguments, "islands");
   AddTexcoord(pack, arguments);
   AddOutputTexcoord(pack, arguments);
+  AddTextures(pack, arguments);
   AddPreview(pack, arguments);
   AddJson(pack, arguments);
   AddTerminal(pack, arguments);
+}
+
+void DefineTransfer(CLI::App& app, Arguments& arguments) {
+  CLI::App& transfer = *app.add_subcommand("transfer", "Draw the images of a model into the map of another file");
+  transfer.parse_complete_callback([&arguments] { arguments.command = Command::kTransfer; });
+  transfer.footer(
+      "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
+      "same triangles,\nin any order, as where TO was unwrapped elsewhere. Exit codes: 0 written, 1 the surfaces "
+      "differ "
+      "or TO has no UV, 2 bad usage\nor an unreadable file or image.");
+  transfer.add_option("FROM", arguments.input, "Model with images: .gltf, .glb, or .obj with its material files")
+      ->required()
+      ->type_name("");
+  transfer.add_option("TO", arguments.more_inputs, "Mesh file with the UV that it is to have")
+      ->required()
+      ->expected(1)
+      ->type_name("");
+  AddOutput(transfer, arguments, /*takes_batch=*/false);
+  transfer
+      .add_option("--texture-size", arguments.options.texture_size,
+                  "Texels per side of the new images, 16 to 65536 [as many as keep the texel density]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  transfer.add_option("--texcoord", arguments.texcoord, "Which set of UV of TO, TEXCOORD_N of a glTF, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  transfer
+      .add_option_function<int>(
+          "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
+          "Which set of FROM they replace [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  AddImageLimits(transfer, arguments);
+  AddJson(transfer, arguments);
+  AddTerminal(transfer, arguments);
 }
 
 void DefineCheck(CLI::App& app, Arguments& arguments) {
@@ -446,6 +487,18 @@ const char* ToString(AtlasPer per) {
   return "";
 }
 
+const char* ToString(Textures textures) {
+  switch (textures) {
+    case Textures::kTransfer:
+      return "transfer";
+    case Textures::kKeep:
+      return "keep";
+    case Textures::kDrop:
+      return "drop";
+  }
+  return "";
+}
+
 const char* ToString(Requirement requirement) {
   switch (requirement) {
     case Requirement::kUv:
@@ -466,6 +519,7 @@ const char* ToString(Requirement requirement) {
 
 void DefineMapCommands(CLI::App& app, Arguments& arguments) {
   DefinePack(app, arguments);
+  DefineTransfer(app, arguments);
   DefineCheck(app, arguments);
   DefineReport(app, arguments);
   DefineInspect(app, arguments);

@@ -3,13 +3,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <numbers>
 #include <optional>
 #include <set>
 #include <string_view>
+#include <thread>
 #include <vector>
 
+#include "Eigen/Geometry"
 #include "client/cli/results.h"
 #include "client/cli/seams.h"
 #include "client/files/file_io.h"
@@ -344,7 +347,27 @@ std::string MeshInput::OutputPath(const Part& part, const std::string& out, bool
   return (std::filesystem::path(out) / std::filesystem::path(part.file.path).filename()).string();
 }
 
-std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoord) const {
+namespace {
+
+std::int64_t TextureMemory(const TextureArguments& arguments) {
+  if (arguments.memory_mb > 0) return arguments.memory_mb * 1000000;
+  const std::int64_t pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGE_SIZE);
+  return pages > 0 && page > 0 ? pages / 2 * page : 0;
+}
+
+TextureOptions TextureOptionsOf(const TextureArguments& arguments) {
+  TextureOptions options;
+  options.mode = arguments.textures == Textures::kDrop ? TextureMode::kDrop : TextureMode::kTransfer;
+  options.memory = TextureMemory(arguments);
+  options.allow_outside = arguments.allow_outside;
+  options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 64U));
+  return options;
+}
+
+}  // namespace
+
+std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int read_texcoord, std::optional<int> texcoord,
+                                              const TextureArguments& textures) const {
   std::error_code ignored;
   const bool is_directory = out.ends_with("/") || std::filesystem::is_directory(out, ignored);
   const auto unsupported = [](const std::string& message) {
@@ -361,7 +384,8 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
     }
     OutputOptions output;
     output.path = OutputPath(part, out, is_directory);
-    output.texcoord = texcoord;
+    output.texcoord = texcoord.value_or(read_texcoord);
+    output.textures = TextureOptionsOf(textures);
     if (!names.insert(output.path).second) {
       throw unsupported("two of the files would both become " + output.path + "; give them different names");
     }
@@ -373,6 +397,19 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
       throw unsupported(output.path +
                         ": the name must end in .obj, .ply, .off, .gltf, .glb or .drc, or be - for stdout");
     }
+    if (textures.textures == Textures::kKeep && TexturesRead(part.file, output)) {
+      const std::optional<int> free = FreeUvSet(part.file);
+      if (texcoord || !free) {
+        throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                    part.file.path + ": --textures=keep cannot leave the UV that images are read with: " +
+                        (free ? "--output-texcoord=" + std::to_string(*texcoord) +
+                                    " replaces them; leave it out, or give " + std::to_string(*free)
+                              : std::string("the file has no other set of UV for the new ones. --textures=drop removes "
+                                            "the images from the materials")),
+                    {{"field", "textures"}});
+      }
+      output.texcoord = *free;
+    }
     const absl::Status status = planish::CheckOutput(part.file, output);
     if (!status.ok()) throw ErrorFrom(status);
     outputs.push_back(output);
@@ -380,6 +417,43 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
   if (is_directory) MakeDirectory(out);
   for (const OutputOptions& output : outputs) cli::CheckOutput(output.path);
   return outputs;
+}
+
+std::vector<OutputOptions> MeshInput::WithTextureSize(std::vector<OutputOptions> outputs, int size, int atlas_size,
+                                                      int padding,
+                                                      const std::vector<std::int32_t>& atlas_of_face) const {
+  for (std::size_t p = 0; p < outputs.size(); ++p) {
+    TextureOptions& textures = outputs[p].textures;
+    textures.size = size;
+    // One texel stays free between charts.
+    textures.least_size = std::max(1, atlas_size / std::max(1, padding));
+    if (atlas_of_face.empty()) continue;
+    const std::vector<std::int64_t>& polygons = parts_[p].triangulation.source_polygon;
+    textures.polygon_atlas.assign(static_cast<std::size_t>(parts_[p].file.mesh.num_polygons()), 0);
+    for (std::size_t f = 0; f < polygons.size(); ++f) {
+      textures.polygon_atlas[static_cast<std::size_t>(polygons[f])] =
+          atlas_of_face[static_cast<std::size_t>(parts_[p].first_face) + f];
+    }
+  }
+  return outputs;
+}
+
+int MeshInput::TextureSideEstimate(const std::vector<OutputOptions>& outputs) const {
+  double area = 0;
+  for (const Face& face : mesh_.faces) {
+    const auto [a, b, c] = TriangleOf(mesh_.positions, face);
+    const double of_face = (b - a).cross(c - a).norm() / 2;
+    if (std::isfinite(of_face)) area += of_face;
+  }
+  double side = 0;
+  for (std::size_t p = 0; p < outputs.size(); ++p) {
+    const absl::StatusOr<double> one = EstimateTextureSide(parts_[p].file, outputs[p], area);
+    if (!one.ok()) throw ErrorFrom(one.status());
+    side = std::max(side, *one);
+  }
+  if (side == 0) return 0;
+  constexpr int kLeast = 64;  // below this a texel of padding takes too much of the atlas
+  return std::clamp(4 * static_cast<int>(std::ceil(side / 4)), kLeast, kLargestAutoTexture);
 }
 
 WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs, std::int64_t* torn) const {

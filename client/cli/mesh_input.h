@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -81,9 +82,18 @@ class MeshInput {
 
   // Where the results go for `-o out`: to `out` itself, in the format that its name says ("-" and what lies in /dev:
   // the file's own, or OBJ if that is STL); or, with several files, or where `out` ends in '/' or is a directory, to
-  // files of the same names in it. Throws OUTPUT_UNSUPPORTED where a format cannot hold what it would have to, two
-  // files would get the same name, or several files have no directory; FILE_UNWRITABLE where there is none to write to.
-  std::vector<OutputOptions> Outputs(const std::string& out, int texcoord) const;
+  // files of the same names in it. `texcoord`: nothing stands for the set that is read, or the next free one where
+  // textures are kept. Throws OUTPUT_UNSUPPORTED where a format cannot hold what it would have to, two files would get
+  // the same name, or several files have no directory; FILE_UNWRITABLE where there is none to write to; and what
+  // CheckOutput() says of images (client/files/mesh_output.h).
+  std::vector<OutputOptions> Outputs(const std::string& out, int read_texcoord, std::optional<int> texcoord,
+                                     const TextureArguments& textures) const;
+  // `outputs` with images of `size` texels per side (0: as many as keep their texel density) for an atlas of
+  // `atlas_size` with so much padding. `atlas_of_face`: of view(), or empty.
+  std::vector<OutputOptions> WithTextureSize(std::vector<OutputOptions> outputs, int size, int atlas_size, int padding,
+                                             const std::vector<std::int32_t>& atlas_of_face) const;
+  // Texels per side that the atlas should have for the images that move into it; 0 if none do.
+  int TextureSideEstimate(const std::vector<OutputOptions>& outputs) const;
   // The files with UV; `uv` in the order of view(). Polygons that the map tears become several faces; `torn` gets their
   // number. Throws UV_PRECISION for UV in double where a format lacks them.
   WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs, std::int64_t* torn = nullptr) const;

@@ -386,12 +386,20 @@ PackEffort ToPackEffort(Effort effort) {
 
 int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   CheckUv(input, arguments);
-  const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.OutputTexcoord());
+  const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.texcoord, arguments.output_texcoord, arguments.textures);
   if (!arguments.preview.empty()) CheckOutput(arguments.preview);
 
   RepackOptions options;
   options.keep_density = arguments.keep_density;
   options.face_weights = input.FaceWeights(arguments.material_weights);
+  const int texture_side = input.TextureSideEstimate(outputs);
+  if (texture_side > 0 && arguments.options.tiles > 1) {
+    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                input.path() + ": its images move into the new map, which must be one tile: leave --tiles out, or give "
+                               "--textures=keep or --textures=drop",
+                {{"field", "textures"}});
+  }
+  if (texture_side > 0) options.atlas.texture_size = texture_side;
   if (arguments.options.texture_size != 0) options.atlas.texture_size = arguments.options.texture_size;
   options.atlas.padding = arguments.options.padding.value_or(options.atlas.padding);
   options.atlas.effort = ToPackEffort(arguments.options.effort);
@@ -415,9 +423,14 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
 
   const Uv uv(std::move(done.uv));
   std::vector<Warning> warnings = WarningsOf(done, options.atlas);
-  const WrittenMesh written = input.WithUv(uv, outputs);
+  const WrittenMesh written =
+      input.WithUv(uv, input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
+                                             static_cast<int>(options.atlas.padding), {}));
   for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
+  interrupts.SetCancel([] {});  // all files or none
   for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+  interrupts.SetCancel({});
+  interrupts.LeaveIfInterrupted();
   if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
 
   const double seconds = timer.Seconds();

@@ -16,6 +16,8 @@
 #include "absl/strings/escaping.h"
 #include "client/cli/check.h"
 #include "client/cli/text.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/visibility.h"
 
 // PLANISH_REPORT is the directory of the files, which CMake passes: the assembler copies the bytes, so that no compiler
 // has to parse them.
@@ -39,9 +41,9 @@ extern const char planish_sheet_template_end[];
 namespace planish::cli {
 namespace {
 
-constexpr double kSteps = 65535;                 // of positions and UV along their extent
-constexpr double kStretchOctaves = 4;            // that the page tells apart (client/report/src/data.ts)
-constexpr int kTopByte = 254, kNoStretch = 255;  // of a byte
+constexpr double kSteps = 65535;                                // of positions and UV along their extent
+constexpr double kStretchOctaves = 4;                           // that the page tells apart (client/report/src/data.ts)
+constexpr int kTopByte = 254, kNoStretch = 255, kNoSeam = 255;  // of a byte
 constexpr std::uint8_t kMirroredFace = 16;
 constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;
 constexpr std::size_t kMostResiduals = 10000;  // of steps of charts: 100 KB
@@ -171,7 +173,7 @@ class MapWriter {
 
   void AddFaces() {
     Differences charts, polygons, materials, outline;
-    std::string stretch, angles, faults;
+    std::string stretch, angles, faults, visibility, seams;
     for (std::size_t f = 0; f < num_faces(); ++f) {
       const std::int32_t chart = map_.topology.chart_of_face[f];
       charts.Add(chart);
@@ -185,9 +187,15 @@ class MapWriter {
       angles.push_back(static_cast<char>(std::lround(kTopByte * std::sqrt(error))));
       const bool is_mirrored = check_.charts[static_cast<std::size_t>(chart)].is_mirrored;
       faults.push_back(static_cast<char>(check_.faults[f] | (is_mirrored ? kMirroredFace : 0)));
+      visibility.push_back(ByteOfShare(check_.face_visibility[f]));
     }
+    const std::vector<std::int32_t> across = FacesAcross();
     for (std::size_t c = 0; c < map_.topology.is_outline.size(); ++c) {
-      if (map_.topology.is_outline[c]) outline.Add(static_cast<std::int64_t>(c));
+      if (!map_.topology.is_outline[c]) continue;
+      outline.Add(static_cast<std::int64_t>(c));
+      const auto face = static_cast<std::int32_t>(c / 3);
+      seams.push_back(across[c] < 0 ? static_cast<char>(kNoSeam)
+                                    : ByteOfShare(EdgeVisibility(check_.face_visibility, face, across[c])));
     }
     sections_.emplace_back("chart", charts.Take());
     sections_.emplace_back("stretch", std::move(stretch));
@@ -196,6 +204,25 @@ class MapWriter {
     sections_.emplace_back("polygon", polygons.Take());
     sections_.emplace_back("material", materials.Take());
     sections_.emplace_back("outline", outline.Take());
+    sections_.emplace_back("visibility", std::move(visibility));
+    sections_.emplace_back("seams", std::move(seams));
+  }
+
+  static char ByteOfShare(double share) {
+    return static_cast<char>(std::lround(kTopByte * std::clamp(share, 0.0, 1.0)));
+  }
+
+  // Per half-edge: the other face on the surface's edge; -1 where there is none, or more than one.
+  std::vector<std::int32_t> FacesAcross() const {
+    std::vector<std::int32_t> across(3 * num_faces(), -1);
+    const EdgeGroups edges = GroupHalfEdges(map_.mesh.faces, map_.mesh.num_vertices());
+    for (std::int32_t e = 0; e < edges.count(); ++e) {
+      if (edges[e].size() != 2) continue;
+      const auto c = static_cast<std::size_t>(edges[e][0]), d = static_cast<std::size_t>(edges[e][1]);
+      across[c] = edges[e][1] / 3;
+      across[d] = edges[e][0] / 3;
+    }
+    return across;
   }
 
   const Vec3& PositionOf(std::size_t c) const {

@@ -143,7 +143,10 @@ Json QualityJson(const Quality& quality) {
           {"conformal_distortion_max", quality.conformal_distortion_max},
           {"stretch_l2", quality.stretch_l2},
           {"packing_efficiency", quality.packing_efficiency},
-          {"seam_length", quality.seam_length}};
+          {"seam_length", quality.seam_length},
+          {"visible_seam_length", quality.visible_seam_length},
+          {"seam_turn_deg", quality.seam_turn_deg},
+          {"seam_symmetry", quality.seam_symmetry ? Json(*quality.seam_symmetry) : Json()}};
 }
 
 Json SecondsJson(const StageTimes& times) {
@@ -457,7 +460,13 @@ std::string StretchText(const Report& report) {
          Fixed(quality.angle_error_mean_deg, 2) + " degrees on average, " + Fixed(quality.angle_error_max_deg, 1) +
          " at most.\n" +
          (quality.seam_length > 0
-              ? "Seams are " + Fixed(quality.seam_length, 1) + " times as long as the root of the surface's area.\n"
+              ? "Seams are " + Fixed(quality.seam_length, 1) + " times as long as the root of the surface's area, " +
+                    Fixed(quality.visible_seam_length, 1) + " of that in view; they turn by " +
+                    Fixed(quality.seam_turn_deg, 0) + " degrees from edge to edge" +
+                    (quality.seam_symmetry
+                         ? "; " + Fixed(100 * *quality.seam_symmetry, 0) + " % have their mirror image"
+                         : "") +
+                    ".\n"
               : "");
 }
 

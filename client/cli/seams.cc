@@ -1,7 +1,9 @@
 #include "client/cli/seams.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <sstream>
@@ -11,6 +13,7 @@
 #include "client/files/file_io.h"
 #include "client/src/errors.h"
 #include "core/base/number.h"
+#include "core/mesh/half_edges.h"
 #include "planish/error.h"
 
 namespace planish::cli {
@@ -188,6 +191,66 @@ std::vector<std::int32_t> PolygonEdges::UvBorders() const {
   return Borders([this](const HalfEdge& a, const HalfEdge& b) { return SameUv(a, b); });
 }
 
+double PolygonEdges::Length(const HalfEdge& half_edge) const {
+  return (file_.mesh.positions[half_edge.high] - file_.mesh.positions[half_edge.low]).norm();
+}
+
+std::vector<std::int32_t> PolygonEdges::UvFolds() const {
+  constexpr double kLeastShare = 0.01;
+  const PolygonMesh& mesh = file_.mesh;
+  if (mesh.corner_texcoord.empty()) return {};
+  const auto polygons = static_cast<std::size_t>(mesh.num_polygons());
+  std::vector<double> area(polygons, 0), uv_area(polygons, 0), outline(polygons, 0);
+  for (std::size_t f = 0; f < triangles_.source_polygon.size(); ++f) {
+    std::array<Vec3, 3> place;
+    std::array<Vec2, 3> uv;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::int64_t corner = triangles_.corner_of_triangle[3 * f + k];
+      const std::int32_t texcoord = mesh.corner_texcoord[corner];
+      place[k] = mesh.positions[mesh.corner_vertex[corner]];
+      uv[k] = texcoord < 0 ? Vec2(0, 0) : mesh.texcoords[texcoord];
+    }
+    const auto polygon = static_cast<std::size_t>(triangles_.source_polygon[f]);
+    area[polygon] += (place[1] - place[0]).cross(place[2] - place[0]).norm() / 2;
+    const Vec2 a = uv[1] - uv[0], b = uv[2] - uv[0];
+    uv_area[polygon] += (a.x() * b.y() - a.y() * b.x()) / 2;
+  }
+  // Islands, and their parts between folds. Corners run the same way round both sides of an edge that is no fold.
+  UnionFind islands(polygons), parts(polygons);
+  std::vector<std::pair<HalfEdge, HalfEdge>> folds;
+  const auto of = [&](const HalfEdge& h) { return static_cast<std::int32_t>(PolygonOf(h)); };
+  ForEachEdge([&](auto begin, auto end) {
+    if (end - begin != 2 || !SameUv(begin[0], begin[1])) {
+      for (auto h = begin; h != end; ++h) outline[of(*h)] += Length(*h);
+      return;
+    }
+    const std::int32_t a = of(begin[0]), b = of(begin[1]);
+    islands.Join(a, b);
+    if (uv_area[a] * uv_area[b] < 0) {
+      folds.emplace_back(begin[0], begin[1]);
+    } else {
+      parts.Join(a, b);
+    }
+  });
+  if (folds.empty()) return {};
+  std::vector<double> of_island(polygons, 0), of_part(polygons, 0), outline_of_island(polygons, 0);
+  for (std::int32_t p = 0; p < static_cast<std::int32_t>(polygons); ++p) {
+    of_island[islands.Find(p)] += area[p];
+    of_part[parts.Find(p)] += area[p];
+    outline_of_island[islands.Find(p)] += outline[p];
+  }
+  std::vector<std::int32_t> corners;
+  for (const auto& [first, second] : folds) {
+    const std::int32_t island = islands.Find(of(first));
+    const double all = of_island[island], around = outline_of_island[island];
+    const double smaller = std::min(of_part[parts.Find(of(first))], of_part[parts.Find(of(second))]);
+    if (smaller < kLeastShare * all || around * around >= 4 * std::numbers::pi * all) continue;
+    corners.push_back(first.corner);
+  }
+  std::sort(corners.begin(), corners.end());
+  return corners;
+}
+
 std::vector<std::int32_t> PolygonEdges::MaterialBorders() const {
   const auto& material = file_.mesh.polygon_material;
   if (material.empty()) return {};
@@ -291,7 +354,7 @@ std::vector<std::int32_t> SeamCorners(const MeshFile& file, const Triangulation&
   const auto add = [&](const std::vector<std::int32_t>& more) {
     corners.insert(corners.end(), more.begin(), more.end());
   };
-  if (list.uv) add(edges.UvBorders());
+  if (list.uv) add(edges.UvBorders()), add(edges.UvFolds());
   if (list.materials) add(edges.MaterialBorders());
   if (list.groups) add(edges.GroupBorders());
   for (const std::string& path : list.edge_files) add(edges.ListedIn(path));

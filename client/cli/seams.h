@@ -48,6 +48,11 @@ class PolygonEdges {
   // different groups, each as a corner of the triangulation that faces it (MeshView::WithSeamCorners), ascending.
   // Nothing where the file says nothing of the kind. An edge of more than two polygons counts if any two differ.
   std::vector<std::int32_t> UvBorders() const;
+  // Edges at which UV islands are folded onto themselves, as where an artist has mirrored one half onto the other, in
+  // the same form: of islands that could not lie flat without stretch if they were unfolded, since their outline is
+  // shorter than that of a disc of the same area. Single faces that are turned over are no such fold: both sides have a
+  // hundredth of the island or more.
+  std::vector<std::int32_t> UvFolds() const;
   std::vector<std::int32_t> MaterialBorders() const;
   std::vector<std::int32_t> GroupBorders() const;
 
@@ -71,6 +76,7 @@ class PolygonEdges {
   // The corner of the polygon at vertex `vertex` of the edge that `corner` faces.
   std::int64_t PolygonCorner(std::int32_t corner, std::int32_t vertex) const;
   bool SameUv(const HalfEdge& a, const HalfEdge& b) const;
+  double Length(const HalfEdge& half_edge) const;
   std::int64_t PolygonOf(const HalfEdge& half_edge) const;
   // A corner for each edge of which some half-edge is not `same` as the first.
   template <typename Same>

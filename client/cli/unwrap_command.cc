@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -36,7 +37,7 @@ class ResultCommand {
     if (!arguments_.report.empty()) CheckOutput(arguments_.report);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
-    files_.emplace(paths, arguments_, arguments_.output, arguments_.texcoord, arguments_.OutputTexcoord());
+    files_.emplace(paths, arguments_, arguments_.output, arguments_.texcoord, arguments_.output_texcoord);
   }
 
   const UnwrapFiles& files() const { return *files_; }
@@ -51,8 +52,17 @@ class ResultCommand {
     return planish::Seconds(std::max(0.001, arguments_.timeout_seconds - timer_.Seconds()));
   }
 
-  int Deliver(UnwrapResult result, const Arguments& arguments) {
-    files_->WriteResult(result);
+  // The first signal ends the drawing of images; then nothing is written. Files are written all or none.
+  int Deliver(UnwrapResult result, const Arguments& arguments, Interrupts& interrupts) {
+    std::stop_source stop;
+    interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
+    std::function<void(const std::string&)> on_image;
+    if (arguments.verbose) {
+      on_image = [](const std::string& image) { std::cerr << "Moving image " + Printable(image, true) + "\n"; };
+    }
+    files_->WriteResult(result, on_image, stop.get_token());
+    interrupts.SetCancel({});
+    interrupts.LeaveIfInterrupted();
     const MeshInput& input = files_->input();
     if (!arguments.picture.empty()) {
       WriteOutput(arguments.picture, input.Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
@@ -188,9 +198,12 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
                                  cancelled);
     }
     if (error) return command.Fail(*error);
-    return command.Deliver(*std::move(result), arguments);
+    return command.Deliver(*std::move(result), arguments, interrupts);
   } catch (const Error& error) {
     if (view) End(*view, false);
+    if (interrupts.interrupted() && error.code() == ErrorCode::kCancelled) {
+      return command.Interrupted("interrupted; nothing was written", error);
+    }
     return command.Fail(error);
   }
 }
@@ -214,7 +227,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
       UnwrapResult result = server.client().AttachResult(arguments.job, command.files().input().view(),
                                                          view->CallbacksOf(0, arguments.verbose), call);
       End(*view, true);
-      return command.Deliver(std::move(result), arguments);
+      return command.Deliver(std::move(result), arguments, interrupts);
     }
     const Job job = server.client().WatchJob(arguments.job, view->CallbacksOf(0, arguments.verbose), 0, call);
     End(*view, job.state == JobState::kSucceeded);

@@ -1,6 +1,7 @@
 #include "client/cli/unwrap_files.h"
 
 #include <algorithm>
+#include <atomic>
 #include <string>
 #include <thread>
 #include <utility>
@@ -37,7 +38,7 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
 }
 
 UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-                         int texcoord, int output_texcoord)
+                         int texcoord, std::optional<int> output_texcoord)
     : input_(inputs, texcoord),
       seam_corners_(input_.SeamCorners(arguments.seams)),
       uncut_corners_(input_.UncutCorners(arguments.seams)),
@@ -58,7 +59,18 @@ UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments
   for (const double weight : input_.FaceWeights(arguments.material_weights)) {
     weights_.push_back(static_cast<float>(weight));
   }
-  if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
+  if (output.empty()) return;
+  outputs_ = input_.Outputs(output, texcoord, output_texcoord, arguments.textures);
+  asked_texture_size_ = arguments.options.texture_size;
+  padding_ = arguments.options.padding.value_or(2);
+  texture_side_ = input_.TextureSideEstimate(outputs_);
+  if (texture_side_ > 0 && (!arguments.options.pack || arguments.options.tiles > 1)) {
+    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                input_.path() + ": its images move into the new map, which must be one tile for each atlas: " +
+                    (arguments.options.pack ? "leave --tiles out" : "leave --pack=off out") +
+                    ", or give --textures=keep or --textures=drop",
+                {{"field", "textures"}});
+  }
 }
 
 MeshView UnwrapFiles::view() const {
@@ -81,6 +93,7 @@ UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
     }
     options.precision = Precision::kFloat;
   }
+  if (options.texture_size == 0) options.texture_size = texture_side_;
   return options;
 }
 
@@ -140,15 +153,29 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   quality.angle_error_mean_deg = check.angle_error_mean_deg;
   quality.angle_error_max_deg = check.angle_error_max_deg;
   quality.seam_length = check.seam_length;
+  quality.visible_seam_length = check.seams.visible_length;
+  quality.seam_turn_deg = check.seams.turn_deg;
+  quality.seam_symmetry = check.seams.symmetry;
   if (is_flat_atlas) quality.packing_efficiency = check.packing_efficiency;
 }
 
 }  // namespace
 
-std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result) const {
+std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result,
+                                                 const std::function<void(const std::string&)>& on_image,
+                                                 const std::stop_token& stop) const {
   for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
   std::int64_t torn = 0;
-  WrittenMesh written = input_.WithUv(result.uv, outputs_, &torn);
+  std::atomic<bool> is_stopped = false;
+  const std::stop_callback on_stop(stop, [&is_stopped] { is_stopped = true; });
+  std::vector<OutputOptions> outputs = input_.WithTextureSize(
+      outputs_, asked_texture_size_, result.report.atlas.texture_size, padding_, atlases_.of_face);
+  for (OutputOptions& output : outputs) {
+    output.textures.stop = &is_stopped;
+    output.textures.on_image = on_image;
+  }
+  WrittenMesh written = input_.WithUv(result.uv, outputs, &torn);
+  if (is_stopped) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
   for (const OutputWarning& warning : written.warnings) {
     result.report.warnings.push_back({warning.reason, warning.message, {}});
   }

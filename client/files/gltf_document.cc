@@ -290,6 +290,14 @@ std::string DataUri(const std::string& bytes) {
   return "data:application/octet-stream;base64," + absl::Base64Escape(bytes);
 }
 
+absl::StatusOr<std::string> FileOfUri(const GltfDocument& document, const std::string& element,
+                                      const std::string& uri) {
+  if (IsRelative(uri)) return Decoded(uri);
+  return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
+                   document.path + ": " + element + ": only data URIs and files beside this one can be read",
+                   {{"path", document.path}, {"element", element}});
+}
+
 absl::StatusOr<std::string> LoadGltfUri(const GltfDocument& document, const std::string& element,
                                         const std::string& uri, std::int64_t size) {
   if (IsDataUri(uri)) {
@@ -303,12 +311,8 @@ absl::StatusOr<std::string> LoadGltfUri(const GltfDocument& document, const std:
       return GltfFault(document, element, "the base64 text is damaged");
     return bytes;
   }
-  if (!IsRelative(uri)) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
-                     document.path + ": " + element + ": only data URIs and files beside this one can be read",
-                     {{"path", document.path}, {"element", element}});
-  }
-  return ReadFileStart((std::filesystem::path(document.path).parent_path() / Decoded(uri)).string(), size);
+  PLANISH_ASSIGN_OR_RETURN(const std::string file, FileOfUri(document, element, uri));
+  return ReadFileStart((std::filesystem::path(document.path).parent_path() / file).string(), size);
 }
 
 std::string MovedUri(const std::string& uri, const std::string& from, const std::string& to) {

@@ -66,6 +66,9 @@ absl::StatusOr<std::string> GlbBytes(const Json& json, const std::string& buffer
 absl::StatusOr<std::string> LoadGltfUri(const GltfDocument& document, const std::string& element,
                                         const std::string& uri, std::int64_t size);
 
+// The path of the file that a relative URI names, from the folder of the document. FILE_UNSUPPORTED for other URIs.
+absl::StatusOr<std::string> FileOfUri(const GltfDocument& document, const std::string& element, const std::string& uri);
+
 bool IsDataUri(std::string_view uri);
 // "data:application/octet-stream;base64,..."
 std::string DataUri(const std::string& bytes);

@@ -1,5 +1,8 @@
 #include "client/files/gltf_material.h"
 
+#include <cmath>
+#include <string_view>
+
 namespace planish {
 namespace {
 
@@ -18,48 +21,68 @@ const Json* Element(const Json& root, const char* key, std::int64_t index) {
   return element.is_object() ? &element : nullptr;
 }
 
-// The image of a texture; extensions name images of other formats (KTX2, WebP). -1: none.
-std::int64_t ImageOf(const Json& texture) {
-  if (const std::int64_t source = Int(texture, "source", -1); source >= 0) return source;
-  const Json* const extensions = GltfObject(texture, "extensions");
-  if (extensions == nullptr) return -1;
-  for (const Json& extension : *extensions) {
-    if (!extension.is_object()) continue;
-    if (const std::int64_t source = Int(extension, "source", -1); source >= 0) return source;
-  }
-  return -1;
+double Number(const Json& object, const char* key, double otherwise) {
+  const auto found = object.find(key);
+  return found == object.end() || !found->is_number() ? otherwise : found->get<double>();
 }
 
-std::string ImageName(const Json& root, std::int64_t texture_index) {
-  const Json* const texture = Element(root, "textures", texture_index);
-  if (texture == nullptr) return "texture " + std::to_string(texture_index);
-  const std::int64_t index = ImageOf(*texture);
-  const Json* const image = Element(root, "images", index);
-  if (image == nullptr) return "texture " + std::to_string(texture_index);
-  for (const char* key : {"name", "uri"}) {
-    const auto text = image->find(key);
-    if (text == image->end() || !text->is_string() || text->get_ref<const std::string&>().empty()) continue;
-    if (!IsDataUri(text->get_ref<const std::string&>())) return text->get<std::string>();
+std::array<double, 2> Pair(const Json& object, const char* key, double otherwise) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_array() || found->size() != 2) return {otherwise, otherwise};
+  std::array<double, 2> pair = {otherwise, otherwise};
+  for (std::size_t i = 0; i < 2; ++i) {
+    if ((*found)[i].is_number()) pair[i] = (*found)[i].get<double>();
   }
-  return "image " + std::to_string(index);
+  return pair;
+}
+
+// The GLSL of KHR_texture_transform: translation * rotation * scale.
+std::array<double, 6> TransformOf(const Json& json) {
+  const std::array<double, 2> offset = Pair(json, "offset", 0), scale = Pair(json, "scale", 1);
+  const double angle = Number(json, "rotation", 0), c = std::cos(angle), s = std::sin(angle);
+  return {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
+}
+
+TextureMeaning MeaningOf(std::string_view slot) {
+  if (slot.ends_with("ormalTexture")) return TextureMeaning::kNormal;
+  if (slot == "anisotropyTexture") return TextureMeaning::kDirection;
+  for (const std::string_view color :
+       {"baseColorTexture", "emissiveTexture", "diffuseTexture", "specularGlossinessTexture", "sheenColorTexture",
+        "specularColorTexture", "diffuseTransmissionColorTexture", "multiscatterColorTexture"}) {
+    if (slot == color) return TextureMeaning::kColor;
+  }
+  return TextureMeaning::kData;
+}
+
+std::string ImageNameOfTexture(const Json& root, std::int64_t texture_index) {
+  const std::vector<GltfTextureSource> sources = TextureSources(root, texture_index);
+  if (sources.empty()) return "texture " + std::to_string(texture_index);
+  return GltfImageName(root, sources[0].image);
 }
 
 // Recursion ends, as the depth of the JSON was checked.
-void FindUses(const Json& root, const Json& object, std::vector<GltfTextureUse>* uses) {
+void FindUses(const Json& root, const Json& object, const Json::json_pointer& at, bool is_opaque,
+              std::vector<GltfTextureUse>* uses) {
   for (const auto& [key, value] : object.items()) {
     if (!value.is_object()) continue;
     if (!key.ends_with("Texture") || !value.contains("index")) {
-      FindUses(root, value, uses);
+      FindUses(root, value, at / key, is_opaque, uses);
       continue;
     }
     GltfTextureUse use;
     use.slot = key;
-    use.name = ImageName(root, Int(value, "index", -1));
+    use.at = at / key;
+    use.texture = Int(value, "index", -1);
+    use.name = ImageNameOfTexture(root, use.texture);
     use.is_normal = key.ends_with("ormalTexture");
+    use.meaning = MeaningOf(key);
+    if (use.is_normal) use.normal_scale = Number(value, "scale", 1);
+    use.has_alpha = !is_opaque && (key == "baseColorTexture" || key == "diffuseTexture");
     std::int64_t texcoord = Int(value, "texCoord", 0);
     if (const Json* const extensions = GltfObject(value, "extensions")) {
       if (const Json* const transform = GltfObject(*extensions, "KHR_texture_transform")) {
         texcoord = Int(*transform, "texCoord", texcoord);
+        use.transform = TransformOf(*transform);
       }
     }
     use.texcoord = texcoord >= 0 && texcoord <= 7 ? static_cast<int>(texcoord) : -1;
@@ -69,9 +92,38 @@ void FindUses(const Json& root, const Json& object, std::vector<GltfTextureUse>*
 
 }  // namespace
 
+std::string GltfImageName(const Json& root, std::int64_t image_index) {
+  const Json* const image = Element(root, "images", image_index);
+  if (image == nullptr) return "image " + std::to_string(image_index);
+  for (const char* key : {"name", "uri"}) {
+    const auto text = image->find(key);
+    if (text == image->end() || !text->is_string() || text->get_ref<const std::string&>().empty()) continue;
+    if (!IsDataUri(text->get_ref<const std::string&>())) return text->get<std::string>();
+  }
+  return "image " + std::to_string(image_index);
+}
+
+std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture_index) {
+  std::vector<GltfTextureSource> sources;
+  const Json* const texture = Element(root, "textures", texture_index);
+  if (texture == nullptr) return sources;
+  if (const std::int64_t source = Int(*texture, "source", -1); source >= 0) sources.push_back({source, ""});
+  const Json* const extensions = GltfObject(*texture, "extensions");
+  if (extensions == nullptr) return sources;
+  for (const auto& [name, extension] : extensions->items()) {
+    if (!extension.is_object()) continue;
+    if (const std::int64_t source = Int(extension, "source", -1); source >= 0) sources.push_back({source, name});
+  }
+  return sources;
+}
+
 std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index) {
   std::vector<GltfTextureUse> uses;
-  if (const Json* const material = Element(root, "materials", index)) FindUses(root, *material, &uses);
+  if (const Json* const material = Element(root, "materials", index)) {
+    const auto mode = material->find("alphaMode");
+    const bool is_opaque = mode == material->end() || *mode == "OPAQUE";
+    FindUses(root, *material, Json::json_pointer(), is_opaque, &uses);
+  }
   return uses;
 }
 

@@ -1,11 +1,13 @@
 // What the materials of a glTF read from its sets of UV. Used inside client/files only.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "client/files/gltf_document.h"
+#include "client/texture/texture_baker.h"
 
 namespace planish {
 
@@ -13,12 +15,29 @@ namespace planish {
 struct GltfTextureUse {
   std::string slot;        // "baseColorTexture"; of extensions as well
   std::string name;        // of the image: its name, its file, or "image 3"
-  int texcoord = 0;        // the set of UV that it is read with
+  int texcoord = 0;        // the set of UV that it is read with; -1: none that exists
   bool is_normal = false;  // a normal map: tangents belong to its UV
+  Json::json_pointer at;   // of the textureInfo in the material
+  std::int64_t texture = -1;
+  // u' = transform[0] u + transform[1] v + transform[2], and v' likewise: KHR_texture_transform.
+  std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};
+  TextureMeaning meaning = TextureMeaning::kData;
+  double normal_scale = 1;
+  bool has_alpha = false;  // the alpha of the material is in it: colours are weighted with it
 };
 
 // The textures of materials[index], in the order of the file; empty for -1. Extensions are searched too:
 // whatever ends in "Texture" and has an index is one.
 std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index);
+
+// Every image of a texture: its source, and those that its extensions name (WebP, KTX2).
+struct GltfTextureSource {
+  std::int64_t image = -1;
+  std::string extension;  // empty: the texture's own
+};
+std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture);
+
+// The image's name, its file's name, or "image 3".
+std::string GltfImageName(const Json& root, std::int64_t image);
 
 }  // namespace planish

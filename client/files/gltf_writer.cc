@@ -1,15 +1,20 @@
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <set>
 
 #include "client/files/draco_uv.h"
+#include "client/files/gltf_attribute.h"
 #include "client/files/gltf_document.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
+#include "client/files/gltf_textures.h"
 #include "client/files/writers.h"
+#include "client/texture/tangents.h"
 #include "core/base/corner_split.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/predicates.h"
@@ -42,6 +47,7 @@ class GltfUvWriter {
         uv_(uv),
         options_(options),
         uv_name_("TEXCOORD_" + std::to_string(options.texcoord)),
+        textures_(gltf, options),
         patch_(gltf.document) {}
 
   absl::StatusOr<WrittenMesh> Write() {
@@ -50,15 +56,24 @@ class GltfUvWriter {
     for (std::size_t pool = 0; pool < users.size(); ++pool) {
       PLANISH_RETURN_IF_ERROR(WritePool(gltf_.pools[pool], users[pool]));
     }
+    WrittenMesh moved;
+    MoveImages(&patch_.json());
+    if (options_.textures.mode == TextureMode::kTransfer) {
+      PLANISH_RETURN_IF_ERROR(textures_.Move(uv_, tangents_, &patch_, &moved));
+    } else if (options_.textures.mode == TextureMode::kDrop) {
+      textures_.Drop(&patch_, &moved.warnings);
+    }
     const std::string buffer = patch_.TakeBuffer();
     Json& json = patch_.json();
-    MoveImages(&json);
     PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
     const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
                           !IsDataUri((*buffers)[0]["uri"].get_ref<const std::string&>());
     PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfFiles(std::move(json), buffer, gltf_.document.indent,
                                                             gltf_.document.other_chunks, had_file, options_));
+    written.files.insert(written.files.begin(), std::make_move_iterator(moved.files.begin()),
+                         std::make_move_iterator(moved.files.end()));
     written.warnings = Warnings();
+    written.warnings.insert(written.warnings.end(), moved.warnings.begin(), moved.warnings.end());
     return written;
   }
 
@@ -73,16 +88,25 @@ class GltfUvWriter {
       corners.insert(corners.end(), gltf_.corner_vertex.begin() + begin, gltf_.corner_vertex.begin() + end);
       uv.insert(uv.end(), uv_.begin() + 2 * begin, uv_.begin() + 2 * end);
     }
-    const CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
+    CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
+    const bool writes_tangents =
+        options_.textures.mode == TextureMode::kTransfer &&
+        std::any_of(users.begin(), users.end(), [this](std::size_t user) { return textures_.NeedsTangents(user); });
+    std::vector<double> tangents;  // four a vertex of the split
+    if (writes_tangents) {
+      PLANISH_ASSIGN_OR_RETURN(tangents, SplitByTangents(users, pool.draco.has_value(), &split));
+    }
     const bool grows = split.has_copies;
 
     Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
     for (const std::size_t user : users) NoteTextures(gltf_.primitives[user]);
     // A normal map tells by which UV tangents were computed; without one it is the first set.
-    const bool drops_tangents = std::any_of(users.begin(), users.end(), [this](std::size_t user) {
-      return TangentTexcoord(gltf_.primitives[user]) == options_.texcoord;
-    });
-    if (drops_tangents) DropTangents(static_cast<std::int64_t>(users.size()), pool.draco.has_value(), &before);
+    const bool drops_tangents = writes_tangents || std::any_of(users.begin(), users.end(), [this](std::size_t user) {
+                                  return TangentTexcoord(gltf_.primitives[user]) == options_.texcoord;
+                                });
+    if (drops_tangents) {
+      DropTangents(static_cast<std::int64_t>(users.size()), pool.draco.has_value(), !tangents.empty(), &before);
+    }
     const Json* const draco = DracoJson(before);
     const Json* const in_draco = draco == nullptr ? nullptr : GltfObject(*draco, "attributes");
     Json attributes = before["attributes"];
@@ -111,6 +135,11 @@ class GltfUvWriter {
       }
     }
 
+    if (!tangents.empty()) {
+      const Json shape = {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC4"}};
+      attributes[kTangent] = patch_.Replace(-1, num_users, shape, FloatBytes(tangents), 0, kArrayBuffer);
+    }
+
     std::size_t corner = 0;
     for (const std::size_t user : users) {
       const GltfPrimitive& primitive = gltf_.primitives[user];
@@ -128,6 +157,59 @@ class GltfUvWriter {
       }
     }
     return absl::OkStatus();
+  }
+
+  // Computes the tangents of the users' corners, in the new UV, and splits vertices that have several. Returns four
+  // numbers a vertex, or none where there are no normals: then renderers compute flat ones, and their tangents.
+  absl::StatusOr<std::vector<double>> SplitByTangents(const std::vector<std::size_t>& users, bool is_draco,
+                                                      CornerSplit* split) {
+    TangentCorners corners;
+    bool all_have_normals = true;
+    std::vector<std::size_t> numbers;  // of the corners in the file
+    for (const std::size_t user : users) {
+      const GltfPrimitive& primitive = gltf_.primitives[user];
+      bool are_given = false;
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, CornerNormals(gltf_, primitive, &are_given));
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions,
+                               ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
+      all_have_normals &= are_given;
+      const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
+      for (std::size_t c = 0; c < normals.size() / 3; ++c) {
+        const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
+        corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
+        corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
+        corners.uv.push_back(
+            {static_cast<float>(uv_[2 * (first + c)]), static_cast<float>(1 - uv_[2 * (first + c) + 1])});
+        numbers.push_back(first + c);
+      }
+    }
+    const std::vector<std::array<float, 4>> tangents = ComputeTangents(corners);
+    if (tangents_.empty()) tangents_.resize(gltf_.corner_vertex.size(), {1, 0, 0, 1});
+    for (std::size_t c = 0; c < numbers.size(); ++c) tangents_[numbers[c]] = tangents[c];
+    if (!all_have_normals) return std::vector<double>();
+    // Numbers of different tangents stand for UV.
+    std::map<std::array<float, 4>, double> ids;
+    std::vector<double> id_of_corner;
+    for (const std::array<float, 4>& tangent : tangents) {
+      id_of_corner.insert(id_of_corner.end(), {ids.emplace(tangent, static_cast<double>(ids.size())).first->second, 0});
+    }
+    const CornerSplit again = SplitCorners(split->num_vertices(), split->corner, id_of_corner, is_draco);
+    CornerSplit both;
+    both.corner = again.corner;
+    both.has_copies = split->has_copies || again.has_copies;
+    for (const std::int32_t source : again.source) {
+      const auto s = static_cast<std::size_t>(source);
+      both.source.push_back(split->source[s]);
+      both.uv.insert(both.uv.end(), {split->uv[2 * s], split->uv[2 * s + 1]});
+    }
+    *split = std::move(both);
+    std::vector<double> of_vertex(4 * split->source.size(), 0);
+    for (std::size_t v = 0; v < split->source.size(); ++v) of_vertex[4 * v] = of_vertex[4 * v + 3] = 1;
+    for (std::size_t c = 0; c < tangents.size(); ++c) {
+      for (std::size_t i = 0; i < 4; ++i)
+        of_vertex[4 * static_cast<std::size_t>(split->corner[c]) + i] = tangents[c][i];
+    }
+    return of_vertex;
   }
 
   // Accessor `index` with a value for each vertex of the split.
@@ -255,6 +337,7 @@ class GltfUvWriter {
 
   // Remembers the material if images are read with UV that the primitive had and that are replaced.
   void NoteTextures(const GltfPrimitive& primitive) {
+    if (options_.textures.mode != TextureMode::kLeave) return;
     if (!PrimitiveJson(gltf_.document.json, primitive)["attributes"].contains(uv_name_)) return;
     const std::int64_t material = MaterialOf(primitive);
     if (stale_.contains(material)) return;
@@ -268,7 +351,7 @@ class GltfUvWriter {
   }
 
   // Takes the tangents of a pool, and those of its morph targets, out of the JSON of a primitive.
-  void DropTangents(std::int64_t uses, bool is_draco, Json* primitive) {
+  void DropTangents(std::int64_t uses, bool is_draco, bool are_replaced, Json* primitive) {
     const auto drop = [this, uses](Json* attributes) {
       const auto tangent = attributes->find(kTangent);
       if (tangent == attributes->end()) return false;
@@ -276,7 +359,7 @@ class GltfUvWriter {
       attributes->erase(kTangent);
       return true;
     };
-    if (drop(&(*primitive)["attributes"])) dropped_tangents_ += uses;
+    if (drop(&(*primitive)["attributes"]) && !are_replaced) dropped_tangents_ += uses;
     if (is_draco) (*primitive)["extensions"][kDracoExtension]["attributes"].erase(kTangent);
     if (!primitive->contains("targets") || !(*primitive)["targets"].is_array()) return;
     for (Json& target : (*primitive)["targets"]) drop(&target);
@@ -291,7 +374,7 @@ class GltfUvWriter {
                               uv_name_ +
                               ", which now holds the new UV: these images no longer fit. Bake them anew, or leave "
                               "the old UV in place with --output-texcoord=" +
-                              std::to_string(FreeTexcoord())});
+                              std::to_string(FreeTexcoord(gltf_))});
     }
     if (dropped_tangents_ > 0) {
       warnings.push_back({"TANGENTS_DROPPED", "the tangents of " + std::to_string(dropped_tangents_) +
@@ -302,23 +385,15 @@ class GltfUvWriter {
     return warnings;
   }
 
-  // The first set of UV that no primitive has.
-  int FreeTexcoord() const {
-    int free = 0;
-    for (const GltfPrimitive& primitive : gltf_.primitives) {
-      const Json& attributes = PrimitiveJson(gltf_.document.json, primitive)["attributes"];
-      while (free < 7 && attributes.contains("TEXCOORD_" + std::to_string(free))) ++free;
-    }
-    return free;
-  }
-
   const GltfMesh& gltf_;
   const std::vector<double>& uv_;
   const OutputOptions& options_;
   const std::string uv_name_;
+  GltfTextures textures_;
   GltfPatch patch_;
-  std::map<std::int64_t, std::string> stale_;  // by material: the textures that no longer fit
-  std::int64_t dropped_tangents_ = 0;          // primitives
+  std::vector<std::array<float, 4>> tangents_;  // per corner of the file, of the new UV; empty: none were asked for
+  std::map<std::int64_t, std::string> stale_;   // by material: the textures that no longer fit
+  std::int64_t dropped_tangents_ = 0;           // primitives
 };
 
 }  // namespace

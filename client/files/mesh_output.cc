@@ -5,6 +5,8 @@
 #include <stdexcept>
 
 #include "client/files/gltf_mesh.h"
+#include "client/files/gltf_textures.h"
+#include "client/files/obj_textures.h"
 #include "client/files/writers.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
@@ -36,6 +38,23 @@ void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* war
                        ".ply, .obj and .off keep them"});
 }
 
+// An OBJ with its material file and images, where these have to follow the new UV.
+absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPolygons& written,
+                                         const OutputOptions& options) {
+  WrittenMesh result;
+  ObjMaterialEdit materials;
+  ObjTextures textures(file, options);
+  if (options.textures.mode == TextureMode::kLeave || IsStream(options.path)) {
+    textures.Warn(&result.warnings);  // there is no name that files beside it could have
+  } else if (options.textures.mode == TextureMode::kDrop) {
+    textures.Drop(&materials, &result);
+  } else {
+    PLANISH_RETURN_IF_ERROR(textures.Move(written, &materials, &result));
+  }
+  result.files.push_back({options.path, WriteObj(file, written, options.uv_is_float, materials)});
+  return result;
+}
+
 absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon_uv, const OutputOptions& options) {
   const bool is_own = file.format == options.format;
   const std::vector<double>& uv = polygon_uv.corner_uv;
@@ -49,8 +68,8 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
   const WrittenPolygons written = {mesh, uv, polygon_uv.torn};
   switch (options.format) {
     case MeshFormat::kObj:
-      return OneFile(options, is_own ? WriteObj(file, written, options.uv_is_float)
-                                     : PlainObj(mesh, uv, options.uv_is_float));
+      if (is_own) return ObjAndImages(file, written, options);
+      return OneFile(options, PlainObj(mesh, uv, options.uv_is_float));
     case MeshFormat::kPly:
       return OneFile(options,
                      is_own ? WritePly(file, written, options.uv_is_float) : PlainPly(mesh, uv, options.uv_is_float));
@@ -106,11 +125,39 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
     return Unsupported(options.path + " has one set of UV only; a second one, TEXCOORD_" +
                        std::to_string(options.texcoord) + ", is for glTF");
   }
-  return IsGltf(options.format) ? CheckTexcoord(file, options.texcoord) : absl::OkStatus();
+  const bool moves = options.textures.mode == TextureMode::kTransfer && !IsStream(options.path);
+  if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && moves) {
+    return ObjTextures(file, options).Check();
+  }
+  if (!IsGltf(options.format)) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckTexcoord(file, options.texcoord));
+  if (!IsGltf(file.format) || options.textures.mode != TextureMode::kTransfer) return absl::OkStatus();
+  return GltfTextures(*file.gltf, options).Check();
+}
+
+absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area) {
+  if (options.textures.mode != TextureMode::kTransfer) return 0.0;
+  if (IsGltf(options.format) && file.gltf) return GltfTextures(*file.gltf, options).EstimateSide(total_area);
+  if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !IsStream(options.path)) {
+    return ObjTextures(file, options).EstimateSide(total_area);
+  }
+  return 0.0;
+}
+
+bool TexturesRead(const MeshFile& file, const OutputOptions& options) {
+  if (IsGltf(options.format)) return file.gltf && ReadsTexcoord(*file.gltf, options.texcoord);
+  return options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !ObjTextures(file, options).empty();
+}
+
+std::optional<int> FreeUvSet(const MeshFile& file) {
+  if (!file.gltf) return std::nullopt;
+  return FreeTexcoord(*file.gltf);
 }
 
 absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options) {
-  PLANISH_RETURN_IF_ERROR(CheckOutput(file, options));
+  OutputOptions unchecked = options;
+  unchecked.textures.mode = TextureMode::kLeave;  // images are read when they are drawn
+  PLANISH_RETURN_IF_ERROR(CheckOutput(file, unchecked));
   if (!options.uv_is_float && IsFloatByNature(options.format)) {
     return MakeError(absl::StatusCode::kInvalidArgument, "UV_PRECISION",
                      options.path +

@@ -106,8 +106,9 @@ bool MayReferToUv(std::string_view keyword) {
 
 class ObjWriter {
  public:
-  ObjWriter(std::string_view text, const UvTable& uv, const std::vector<TornPolygon>& torn, const PolygonMesh& mesh)
-      : text_(text), uv_(uv), torn_(torn), mesh_(mesh) {}
+  ObjWriter(std::string_view text, const UvTable& uv, const std::vector<TornPolygon>& torn, const PolygonMesh& mesh,
+            const ObjMaterialEdit& materials)
+      : text_(text), uv_(uv), torn_(torn), mesh_(mesh), materials_(materials) {}
 
   std::string Write() {
     const std::size_t uv_offset = UvOffset(text_);
@@ -129,6 +130,14 @@ class ObjWriter {
         WriteFace(statement);
       } else if (MayReferToUv(keyword)) {
         RewriteCorners(statement, false);
+      } else if (keyword == "mtllib" && !materials_.library.empty()) {
+        CopyUntil(statement.begin);
+        if (!has_library_) out_.append("mtllib ").append(materials_.library).append(LineEnd(text_));
+        has_library_ = true;
+        copied_ = statement.next;
+      } else if (keyword == "usemtl" && !materials_.of_polygon.empty()) {
+        CopyUntil(statement.begin);
+        copied_ = statement.next;
       }
     }
     CopyUntil(text_.size());
@@ -143,6 +152,14 @@ class ObjWriter {
 
   void WriteFace(const ObjStatement& statement) {
     const std::int64_t polygon = next_polygon_++;
+    if (!materials_.of_polygon.empty()) {
+      const std::string& name = materials_.of_polygon[static_cast<std::size_t>(polygon)];
+      if (name != material_) {
+        CopyUntil(statement.begin);
+        out_.append("usemtl ").append(name).append(LineEnd(text_));
+        material_ = name;
+      }
+    }
     if (next_torn_ < torn_.size() && torn_[next_torn_].polygon == polygon) {
       WriteParts(statement, torn_[next_torn_++]);
     } else {
@@ -197,6 +214,9 @@ class ObjWriter {
   const UvTable& uv_;
   const std::vector<TornPolygon>& torn_;
   const PolygonMesh& mesh_;
+  const ObjMaterialEdit& materials_;
+  bool has_library_ = false;
+  std::string material_;  // the last usemtl that was written for a polygon
   std::string out_;
   std::size_t copied_ = 0;  // text_ before this offset is in out_, or dropped
   std::int64_t next_corner_ = 0;
@@ -269,9 +289,10 @@ std::string ObjOf(const PolygonMesh& mesh, const UvTable& uv) {
 
 }  // namespace
 
-std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
+std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
+                     const ObjMaterialEdit& materials) {
   const UvTable uv(written.mesh, written.corner_uv, uv_is_float);
-  return ObjWriter(file.bytes, uv, written.torn, file.mesh).Write();
+  return ObjWriter(file.bytes, uv, written.torn, file.mesh, materials).Write();
 }
 
 std::string PlainObj(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {

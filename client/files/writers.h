@@ -17,8 +17,15 @@ struct WrittenPolygons {
   std::vector<TornPolygon> torn;
 };
 
+// What an OBJ says of its materials in place of what it said before.
+struct ObjMaterialEdit {
+  std::string library;                  // the only material file; empty: those of the file stay
+  std::vector<std::string> of_polygon;  // names, per polygon of the file; empty: those of the file stay
+};
+
 // Into the file's own bytes; file.format must be that of the writer.
-std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
+std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
+                     const ObjMaterialEdit& materials = {});
 absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
 absl::StatusOr<std::string> WriteOff(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
 absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<double>& corner_uv,

@@ -52,6 +52,7 @@ static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Effort::kBest) + 1 == v1::EFFORT_BEST);
 static_assert(static_cast<int>(AtlasLayout::kStacked) + 1 == v1::ATLAS_LAYOUT_STACKED);
 static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
+static_assert(static_cast<int>(Prefer::kTexture) + 1 == v1::PREFER_TEXTURE);
 static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
@@ -64,6 +65,7 @@ Scheduling FromProto(const v1::Scheduling& proto) {
 UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   UnwrapOptions options;
   options.seams = EnumFromProto(proto.seams(), Seams::kAuto);
+  options.prefer = EnumFromProto(proto.prefer(), Prefer::kTexture);
   options.max_stretch = proto.max_stretch();
   options.hard_edge_degrees = proto.hard_edge_degrees();
   options.pack = proto.pack() != v1::PACK_OFF;
@@ -154,7 +156,10 @@ Quality FromProto(const v1::Quality& proto) {
           .conformal_distortion_max = proto.conformal_distortion_max(),
           .stretch_l2 = proto.stretch_l2(),
           .packing_efficiency = proto.packing_efficiency(),
-          .seam_length = proto.seam_length()};
+          .seam_length = proto.seam_length(),
+          .visible_seam_length = proto.visible_seam_length(),
+          .seam_turn_deg = proto.seam_turn_deg(),
+          .seam_symmetry = proto.has_seam_symmetry() ? std::optional(proto.seam_symmetry()) : std::nullopt};
 }
 
 Progress FromProto(const v1::Progress& proto) {
@@ -204,6 +209,7 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   proto.set_tolerance(options.solver.tolerance);
   proto.set_max_newton_iterations(options.solver.max_newton_iterations);
   proto.set_threads(options.threads);
+  proto.set_prefer(EnumToProto<v1::Prefer>(options.prefer));
   proto.set_max_stretch(options.max_stretch);
   proto.set_hard_edge_degrees(options.hard_edge_degrees);
   proto.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);

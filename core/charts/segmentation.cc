@@ -132,6 +132,39 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
   CollectFaces();
 }
 
+std::optional<Segmentation> Segmentation::Mirrored(const Surface& surface, const Segmentation& half,
+                                                   const Mirror& mirror) {
+  std::optional<Segmentation> whole(Segmentation(surface, half.tuning_));
+  const TriMesh &mesh = *surface.mesh, &half_mesh = *half.surface_.mesh;
+  whole->kept_.assign(mesh.n_vertices(), 0.0F);
+  const auto count = static_cast<std::int32_t>(half.faces_.size());
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (half.chart_[f] < 0) continue;
+    whole->chart_[f] = half.chart_[f];
+    if (mirror.has_image(f)) whole->chart_[mirror.corner[3 * f] / 3] = count + half.chart_[f];
+    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+      const HalfedgeHandle h = HalfEdgeOf(half_mesh, c);
+      const float kept = half.kept_[half_mesh.to_vertex_handle(h).idx()];
+      whole->kept_[mesh.to_vertex_handle(HalfEdgeOf(mesh, c)).idx()] = kept;
+      if (mirror.has_image(f)) {
+        whole->kept_[mesh.from_vertex_handle(HalfEdgeOf(mesh, mirror.corner[c])).idx()] = kept;
+      }
+      if (half.gluing_.IsOutline(h)) continue;
+      const std::int32_t across = CornerAcross(half_mesh, c);
+      if (CornerAcross(mesh, c) != across) return std::nullopt;
+      whole->gluing_.Glue(HalfEdgeOf(mesh, c));
+      if (!mirror.has_image(f)) continue;
+      if (CornerAcross(mesh, mirror.corner[c]) != mirror.corner[across]) return std::nullopt;
+      whole->gluing_.Glue(HalfEdgeOf(mesh, mirror.corner[c]));
+    }
+  }
+  whole->faces_.resize(2 * count);
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (whole->chart_[f] >= 0) whole->faces_[whole->chart_[f]].push_back(f);
+  }
+  return whole;
+}
+
 void Segmentation::CollectFaces() {
   faces_.clear();
   for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
@@ -169,13 +202,16 @@ bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<ch
   return vertices + static_cast<std::int64_t>(faces.size()) == doubled_edges / 2 + 1;
 }
 
+void Segmentation::PrepareScratch() {
+  if (!scratch_.moving.empty()) return;
+  scratch_.nearness.assign(chart_.size(), kFar);
+  scratch_.moving.assign(chart_.size(), -1);
+  scratch_.is_seen.assign(surface_.mesh->n_halfedges(), 0);
+  scratch_.is_glued.assign(chart_.size(), 0);
+}
+
 std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
-  if (scratch_.moving.empty()) {
-    scratch_.nearness.assign(chart_.size(), kFar);
-    scratch_.moving.assign(chart_.size(), -1);
-    scratch_.is_seen.assign(surface_.mesh->n_halfedges(), 0);
-    scratch_.is_glued.assign(chart_.size(), 0);
-  }
+  PrepareScratch();
   std::vector<std::int32_t> changed;
   for (const auto& [chart, face, other_face, given] : cuts) {
     if (faces_[chart].size() < 2 || execution.IsCancelled()) continue;
@@ -261,6 +297,76 @@ void Segmentation::UndoJoin(const Joined& joined) {
   faces_[joined.chart] = joined.faces;
   faces_[joined.other] = joined.other_faces;
   for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;
+}
+
+// Glues and cuts, and gives the two discs the numbers of those that they have most faces of. Returns whether there are
+// as many discs as before.
+bool Segmentation::Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                         std::span<const HalfedgeHandle> to) {
+  for (const HalfedgeHandle h : from) gluing_.Glue(h);
+  for (const HalfedgeHandle h : to) gluing_.Unglue(h);
+  const std::size_t parts = chart == other ? 1 : 2;
+  std::vector<std::int32_t> all = faces_[chart];
+  if (parts == 2) all.insert(all.end(), faces_[other].begin(), faces_[other].end());
+  std::vector<std::int32_t>& part = scratch_.moving;  // all -1 before and after
+  std::vector<std::vector<std::int32_t>> found;
+  for (const std::int32_t start : all) {
+    if (part[start] >= 0) continue;
+    const auto number = static_cast<std::int32_t>(found.size());
+    std::vector<std::int32_t>& faces = found.emplace_back();
+    part[start] = number;
+    faces.push_back(start);
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(faces[i]))) {
+        if (gluing_.IsOutline(h) || part[surface_.face_across(h)] >= 0) continue;
+        part[surface_.face_across(h)] = number;
+        faces.push_back(surface_.face_across(h));
+      }
+    }
+  }
+  for (const std::int32_t f : all) part[f] = -1;
+  if (found.size() != parts) return false;
+  if (!std::all_of(found.begin(), found.end(),
+                   [&](const std::vector<std::int32_t>& faces) { return IsDisc(faces, &scratch_.is_seen); })) {
+    return false;
+  }
+  if (parts == 1) return true;
+  const auto of_chart = [&](const std::vector<std::int32_t>& faces) {
+    return std::count_if(faces.begin(), faces.end(), [&](std::int32_t f) { return chart_[f] == chart; });
+  };
+  // Both may be most of the same one.
+  if (of_chart(found[0]) * std::ssize(found[1]) < of_chart(found[1]) * std::ssize(found[0]))
+    std::swap(found[0], found[1]);
+  faces_[chart] = std::move(found[0]);
+  faces_[other] = std::move(found[1]);
+  for (const std::int32_t number : {chart, other}) {
+    std::sort(faces_[number].begin(), faces_[number].end());
+    for (const std::int32_t f : faces_[number]) chart_[f] = number;
+  }
+  return true;
+}
+
+bool Segmentation::MoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                            std::span<const HalfedgeHandle> to) {
+  PrepareScratch();
+  const TriMesh& mesh = *surface_.mesh;
+  const auto is_wide = [&](VertexHandle v) {
+    for (const HalfedgeHandle h : mesh.vih_range(v)) {
+      if (mesh.is_boundary(h) || !gluing_.IsOutline(h)) continue;
+      const std::int32_t of = chart_[mesh.face_handle(h).idx()];
+      if ((of == chart || of == other) && gluing_.OutlineAngle(h) > tuning_.widest) return true;
+    }
+    return false;
+  };
+  bool is_good = Recut(chart, other, from, to);
+  if (is_good) {
+    for (const std::span<const HalfedgeHandle> path : {from, to}) {
+      if (is_wide(mesh.from_vertex_handle(path.front()))) is_good = false;
+      for (const HalfedgeHandle h : path) is_good = is_good && !is_wide(mesh.to_vertex_handle(h));
+    }
+  }
+  if (!is_good) Recut(chart, other, to, from);
+  return is_good;
 }
 
 void Segmentation::DropEmpty() {

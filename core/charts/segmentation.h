@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "core/charts/gluing.h"
 #include "core/charts/surface.h"
 #include "core/charts/tuning.h"
+#include "core/mesh/symmetry.h"
 
 namespace planish {
 
@@ -27,6 +29,11 @@ class Segmentation {
   // Goes on from other charts of the same faces (kStretch), whose surface Rejoin() has made `surface` of: what was
   // glued is glued, and charts are merged across new pairs of half-edges.
   Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
+
+  // The charts of `half`, which leaves out the faces that are second in `mirror`, and their mirror images. `surface` has
+  // the same faces. Chart n + i, of n, is the image of chart i, and empty if faces of that have none; no chart of `half`
+  // may have faces of both kinds. Nothing where the surface is not joined alike on both sides.
+  static std::optional<Segmentation> Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
   const Gluing& gluing() const { return gluing_; }
   // Per face: its chart; -1 for faces that take no part.
@@ -74,6 +81,11 @@ class Segmentation {
   std::optional<Joined> Join(const Joint& joint);
   // The last Join() of these two charts.
   void UndoJoin(const Joined& joined);
+  // Moves the border of two charts, or a slit of one (`chart` twice): half-edges `from` are glued, `to` become seams.
+  // Nothing happens, and it returns false, unless that leaves as many discs, none of whose outlines opens wider than
+  // AtlasTuning::widest where they have changed. With `from` and `to` exchanged it puts everything back.
+  bool MoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                std::span<const HalfedgeHandle> to);
   // Closes the gaps in the numbers that empty charts leave. The order stays.
   void DropEmpty();
 
@@ -81,7 +93,12 @@ class Segmentation {
   using Nearness = std::pair<double, std::int32_t>;
 
  private:
+  Segmentation(const Surface& surface, const AtlasTuning& tuning)
+      : surface_(surface), tuning_(tuning), gluing_(surface), chart_(surface.num_faces(), -1) {}
   void CollectFaces();
+  void PrepareScratch();
+  bool Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+             std::span<const HalfedgeHandle> to);
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
   const Surface& surface_;

@@ -22,6 +22,25 @@ struct PackerCuts {
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
+  // ---- SeamOptions::max_stretch, by SeamOptions::prefer, where the caller says nothing.
+  double seams_stretch = 1.25, texture_stretch = 1.05;
+
+  // ---- The cost of seams (charts/seam_cost.h), in its units.
+  // Of L2^2 - 1, and of a chart.
+  double stretch_price = 15, chart_price = 0.02;
+  double hidden_cost = 0.25;                             // of a seam that nobody sees, of one that is in full view
+  double valley_discount = 0.85, ridge_discount = 0.7;   // of a seam where the surface bends by 60 degrees or more
+  // Of the diagonal of what was likely a quad: as dear as the way round it.
+  double diagonal_cost = std::numbers::sqrt2;
+  double turn_cost = 0.5;  // of a right angle, of the edges next to it
+  // The search (unwrap/seam_search.cc) begins with charts of so little stretch, as they are merged for the packer.
+  double seams_first_stretch = 1.05;
+  int seam_rounds = 3;           // at most, of gluing charts and moving seams
+  double glue_estimates = 12;    // faces whose maps are estimated again, at most: this times those of the surface
+  double move_estimates = 16;    // the same where seams are moved
+  int seam_band = 6;             // edges that a seam may be moved by at once
+  double seam_slide = 0.3;       // how far its ends may be moved, in lengths of the seam
+
   // ---- Order in memory (unwrap/reordering.h).
   // Meshes of so many faces and more are unwrapped in spatial order; the caches hold smaller ones in any order.
   std::int64_t reordered_faces = 50'000;
@@ -44,6 +63,7 @@ struct AtlasTuning {
   // No vertex of an outline opens wider, radians: next to a saddle a disc with 2 pi and more there would run over
   // itself when it is flattened.
   double widest = 1.85 * std::numbers::pi;
+  double seams_widest = 1.95 * std::numbers::pi;
 
   // ---- Stretch estimates (charts/stretch_estimate.h).
   double estimate_tolerance = 1e-2;  // of the residual (charts/poisson_solver.h)

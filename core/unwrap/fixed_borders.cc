@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <span>
 #include <utility>
 
 #include "Eigen/Core"
@@ -19,6 +18,8 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
+#include "core/unwrap/holes.h"
+#include "core/unwrap/relaxing.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
 
@@ -174,79 +175,18 @@ class BarycentricMap {
   std::optional<SparseElimination> elimination_;  // from the first solve on
 };
 
-constexpr double kMostStretchOfAbf = 3;       // with a barrier; others are looked for beyond, that are so much better
-constexpr double kMostStretchForHoles = 1.1;  // times that of the slit map: a tube had better be slit than be a ring
+constexpr double kMostStretchOfAbf = 3;  // with a barrier
+// Where ABF's map has been replaced by another, a barycentric one is tried if that is stretched beyond the first of
+// these, and taken if it is stretched so many times less.
+constexpr double kStretchToLower = 1.1, kWorthMeans = 1.05;
+// Times that of the slit map: a tube had better be slit than be a ring. With SeamPolicy::kKeep it stays a ring up to
+// kMuchStretch, beyond which a warning would come.
+constexpr double kMostStretchForHoles = 1.1;
 // Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
 constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
 
-// A chart whose slits are glued and whose holes have faces: a fan each, round a vertex in its middle.
-struct FilledChart {
-  Topology topology;
-  std::vector<std::int32_t> corner;  // per corner: that of the chart, -1 for those of fans
-  std::vector<Vec3> places;          // per vertex: on the surface
-};
-
 constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to others
 constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
-
-// The chart with its slits glued. Face f is face f of the chart.
-FlatMesh Glued(const Mesh& mesh, const Chart& chart) {
-  FlatMesh glued;
-  glued.opposite = OppositeWithClosedSlits(chart, Indices(chart.slits.size()));
-  glued.faces = FacesOfFans(glued.opposite, [&](std::int32_t c) {
-    glued.positions.push_back(mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]]);
-  });
-  return glued;
-}
-
-// Fills a hole: a face on each half-edge of its loop, with corner 2 at a new vertex in the middle.
-void AddFan(std::span<const std::int32_t> loop, FlatMesh* mesh) {
-  const auto middle = static_cast<std::int32_t>(mesh->positions.size());
-  const auto first = static_cast<std::int32_t>(mesh->opposite.size()), n = static_cast<std::int32_t>(loop.size());
-  Vec3 sum = Vec3::Zero();
-  for (std::int32_t i = 0; i < n; ++i) {
-    const std::int32_t from = Origin(mesh->faces, loop[i]), to = Target(mesh->faces, loop[i]);
-    sum += mesh->positions[from];
-    mesh->faces.push_back({to, from, middle});
-    // The neighbours are the face before, that after, and the one beside the hole.
-    mesh->opposite.insert(mesh->opposite.end(),
-                          {first + 3 * ((i + n - 1) % n) + 1, first + 3 * ((i + 1) % n), loop[i]});
-    mesh->opposite[loop[i]] = first + 3 * i + 2;
-  }
-  mesh->positions.push_back(sum / static_cast<double>(n));
-}
-
-// Nothing if the chart has no slits, or is no piece of a plane with holes in it when they are glued (it is closed, or
-// has a handle). The boundary loop that is longest on the surface is the outer one. O(F log F).
-std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution) {
-  if (chart.slits.empty()) return std::nullopt;
-  FlatMesh glued = Glued(mesh, chart);
-  const Loops loops = BoundaryLoops(glued.opposite);
-  const std::int64_t edges = (std::ssize(glued.opposite) + std::ssize(loops.item)) / 2;
-  const std::int64_t characteristic = std::ssize(glued.positions) - edges + std::ssize(glued.faces);
-  if (loops.count() < 2 || characteristic != 2 - loops.count()) return std::nullopt;
-  std::int32_t outer = 0;
-  double longest = -1;
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    if (loops[i].size() < 3) return std::nullopt;
-    double length = 0;
-    for (const std::int32_t c : loops[i]) {
-      length += (glued.positions[Target(glued.faces, c)] - glued.positions[Origin(glued.faces, c)]).norm();
-    }
-    if (length > longest) longest = length, outer = i;
-  }
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    if (i != outer) AddFan(loops[i], &glued);
-  }
-  FilledChart filled;
-  std::vector<std::int32_t> order;
-  filled.topology = MakeTopology(glued, &order, execution);
-  filled.places = std::move(glued.positions);
-  for (const std::int32_t f : order) {
-    for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology->num_faces() ? 3 * f + k : -1);
-  }
-  return filled;
-}
 
 // The chart as it is, slit.
 FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
@@ -279,18 +219,11 @@ struct Candidate {
   }
 };
 
-// The map of the chart by the places in the plane of the filled one's vertices. `summary` becomes the map's, with the
-// energy of the chart's own angles.
-absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
-                                     FlattenSummary summary) {
+// The map of the chart by the places in the plane of its vertices. `summary` becomes the map's, with the energy of
+// these.
+absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> positions, FlattenSummary summary) {
   const TargetAngles target = MakeTargetAngles(c.topology(), c.measured, c.execution);
   if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
-  std::vector<Vec2> positions(c.topology().num_vertices);
-  for (std::int32_t corner = 0; corner < filled.topology.num_corners(); ++corner) {
-    const std::int32_t own = filled.corner[corner];
-    if (own < 0) continue;
-    positions[c.topology().faces[own / 3][own % 3]] = places[filled.topology.faces[corner / 3][corner % 3]];
-  }
   summary.energy = 0;
   for (std::int32_t f = 0; f < c.topology().num_faces(); ++f) {
     Eigen::Vector3d angles;
@@ -300,6 +233,18 @@ absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& fill
   }
   return PlaceChart(c.job->mesh, c.mapped->chart, std::make_shared<const FlattenSummary>(std::move(summary)),
                     std::move(positions), c.execution);
+}
+
+// The same by the places of the filled chart's vertices.
+absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
+                                     FlattenSummary summary) {
+  std::vector<Vec2> positions(c.topology().num_vertices);
+  for (std::int32_t corner = 0; corner < filled.topology.num_corners(); ++corner) {
+    const std::int32_t own = filled.corner[corner];
+    if (own < 0) continue;
+    positions[c.topology().faces[own / 3][own % 3]] = places[filled.topology.faces[corner / 3][corner % 3]];
+  }
+  return PlaceOwn(c, std::move(positions), std::move(summary));
 }
 
 // By ABF of the filled chart; all slits are closed. Fans take the angles that the faces round a hole leave them, and
@@ -346,6 +291,9 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
   summary.barrier = 0;
   summary.converged = true;
   PLANISH_ASSIGN_OR_RETURN(ChartMap map, PlaceFilled(c, filled, drawn, std::move(summary)));
+  const std::vector<char>& ignored = c.solve.charts.ignored;
+  PLANISH_ASSIGN_OR_RETURN(
+      map, PlaceOwn(c, RelaxedPositions(c.job->mesh, c.mapped->chart, map, ignored, c.execution), *map.flatten));
   map.is_barycentric = true;
   return map;
 }
@@ -356,19 +304,38 @@ absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
-// Takes another map if it is sound, and so many times less stretched than the present one if that is sound, too.
-// Returns whether it has.
-bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double better) {
-  if (!map.ok() || !map->flatten->converged) return false;
+// The stretch that another map may have: where the present map is sound, so many times less than that has.
+double MostStretch(const Candidate& c, double better) {
   const ChartFaults& present = c.mapped->faults;
   const bool is_sound = present.is_injective && present.stretch <= kMostStretchForBorders;
-  const double most = is_sound ? present.stretch / better : kMostStretchForBorders;
+  return is_sound ? present.stretch / better : kMostStretchForBorders;
+}
+
+// The same for a map with filled holes, while the present one is slit.
+double MostStretchWithHoles(const Candidate& c) {
+  const double most = MostStretch(c, 1 / kMostStretchForHoles);
+  return c.job->options.seams.policy == SeamPolicy::kKeep ? std::max(most, kMuchStretch) : most;
+}
+
+// Takes another map if it is sound and not stretched beyond `most`. Returns whether it has.
+bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double most) {
+  if (!map.ok() || !map->flatten->converged) return false;
   const ChartFaults faults =
       FindFaults(c.job->mesh, c.mapped->chart, *map, charts.ignored, charts.resolution, c.execution);
-  if (!faults.is_injective || faults.stretch > most) return false;
+  if (!faults.is_injective || !(faults.stretch <= most)) return false;
   c.mapped->map = *std::move(map);
   c.mapped->faults = faults;
   return true;
+}
+
+// Takes a map without slits, by ABF or by barycentres, if there is one that is sound and stretched no more than it may
+// be. Returns whether it has.
+bool TakesFilled(const Candidate& c, const Charts& charts, bool is_small) {
+  const double most = MostStretchWithHoles(c);
+  const bool has_map = Takes(c, charts, MapByAbf(c), most);
+  const bool is_good = has_map && c.mapped->faults.stretch <= kStretchToLower;
+  if (is_good || !is_small || c.execution.IsStopRequested()) return has_map;
+  return Takes(c, charts, MapByMeans(c), has_map ? c.mapped->faults.stretch / kWorthMeans : most) || has_map;
 }
 
 }  // namespace
@@ -387,18 +354,20 @@ void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped) {
   const bool is_small = num_faces <= kMostFacesForBarycentres;
   const double before = mapped->work;
   // A chart whose holes have been filled needs no slit; once it has such a map, the search ends.
-  if (c.filled && Takes(c, charts, MapByAbf(c), 1 / kMostStretchForHoles)) return;
+  if (c.filled && TakesFilled(c, charts, is_small)) return;
   if (execution.IsStopRequested()) return;
-  if (c.filled && is_small && Takes(c, charts, MapByMeans(c), 1 / kMostStretchForHoles)) return;
   // ABF with a convex outline, where the caller has not asked for that anyway.
   const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
   c.work_left -= static_cast<std::int64_t>(mapped->work - before);
-  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
-    Takes(c, charts, MapConvex(c), 1);
+  const bool was_no_use = c.is_no_use();
+  if (was_no_use && is_free && num_faces <= kMostFacesForConvex && c.work_left > 0 && !execution.IsStopRequested()) {
+    Takes(c, charts, MapConvex(c), MostStretch(c, 1));
   }
   // A barycentric map within the slit outline.
-  if (c.is_no_use() && !c.filled && is_small && !execution.IsStopRequested()) {
-    Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
+  const bool is_good = !c.is_no_use() && mapped->faults.stretch <= kStretchToLower;
+  if (was_no_use && !is_good && is_small && !execution.IsStopRequested()) {
+    c.filled.reset();
+    Takes(c, charts, MapByMeans(c), MostStretch(c, kWorthMeans));
   }
 }
 

@@ -221,7 +221,7 @@ class Joining {
     auto [known, is_new] = looks_.try_emplace(joint.border.front().idx());
     if (is_new || known->second.versions != versions) known->second = {versions, LookAt(joint)};
     const std::optional<Look>& look = known->second.look;
-    if (!look || (job_.options.pack && look->hull_growth > MostCost(look->length))) return std::nullopt;
+    if (!look || (job_.options.IsForPacker() && look->hull_growth > MostCost(look->length))) return std::nullopt;
     return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
@@ -301,7 +301,7 @@ class Joining {
     Measure(i);
     double length = 0;
     for (const HalfedgeHandle h : attempt->joined.border.glued) length += surface_.length(h);
-    const bool packs_well = !job_.options.pack || shapes_[i].hull_area - hulls <= MostCost(length);
+    const bool packs_well = !job_.options.IsForPacker() || shapes_[i].hull_area - hulls <= MostCost(length);
     if (shapes_[i].may_join && packs_well) {
       shapes_[i].version = version;
       shapes_[j] = {};

@@ -12,6 +12,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
+#include "core/mesh/visibility.h"
 #include "core/pack/pack.h"
 #include "core/unwrap/distortion.h"
 
@@ -277,6 +278,7 @@ class MapJudge {
   }
 
   void MeasureSeams() {
+    check_.face_visibility = FaceVisibility(mesh_, execution_);
     if (!(check_.surface_area > 0)) return;
     std::vector<std::int32_t> half_edges;
     for (std::int32_t c = 0; c < static_cast<std::int32_t>(is_on_seam_.size()); ++c) {
@@ -284,6 +286,7 @@ class MapJudge {
     }
     const double length = SeamLength(mesh_, half_edges, [&](std::int32_t c) { return is_joined_[c] != 0; });
     check_.seam_length = length / std::sqrt(check_.surface_area);
+    check_.seams = planish::MeasureSeams(mesh_, uv_, execution_);
   }
 
   void MeasureSpacing() {

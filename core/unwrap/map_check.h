@@ -8,6 +8,7 @@
 #include "core/mesh/half_edges.h"
 #include "core/mesh/mesh.h"
 #include "core/unwrap/chart_spacing.h"
+#include "core/unwrap/seam_figures.h"
 #include "core/unwrap/verify.h"
 
 namespace planish {
@@ -24,9 +25,9 @@ struct MapTopology {
 };
 
 struct MapCheckOptions {
-  int texture_size = 1024;  // texels per side of a tile
-  int tiles = 1;            // charts may lie in so many: UDIM 1001, 1002, ..., ten in a row
-  double min_padding = 0;   // texels: pairs of charts nearer than this are listed; 0: none
+  int texture_size = 1024;   // texels per side of a tile
+  int tiles = 1;             // charts may lie in so many: UDIM 1001, 1002, ..., ten in a row
+  double min_padding = 0;    // texels: pairs of charts nearer than this are listed; 0: none
   bool with_spacing = true;  // false: MapCheck::spacing is left out, which takes time
   // Per face, in [0, num_materials), or -1: none. Empty: no face has a material.
   std::vector<std::int32_t> material_of_face;
@@ -73,6 +74,8 @@ struct MapCheck {
   double stretch_l2 = 1;                // of the whole map, its scale that of the whole
   double angle_error_mean_deg = 0, angle_error_max_deg = 0;  // of faces with area here and there
   double seam_length = 0;                                    // on the surface, over the square root of its area
+  SeamFigures seams;
+  std::vector<float> face_visibility;  // FaceVisibility(): how much of its surroundings is open
   double surface_area = 0, uv_area = 0;
   int tiles_used = 1;             // that hold a face; at least 1
   double packing_efficiency = 0;  // uv_area over the area of these tiles; what overlaps counts as often as it is there

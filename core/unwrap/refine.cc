@@ -173,8 +173,8 @@ std::vector<Segmentation::Cut> ChartsToPart(const Job& job, const NeckOptions& o
   return cuts;
 }
 
-// Whether a chart is one polygon of three triangles or more. Two triangles of a polygon unfold side by side; more of them
-// may unfold onto each other.
+// Whether a chart is one polygon of three triangles or more. Two triangles of a polygon unfold side by side; more of
+// them may unfold onto each other.
 bool IsOnePolygon(const Job& job, const Chart& chart) {
   const std::vector<std::int32_t>& polygon = job.options.face_polygon;
   if (polygon.empty() || chart.faces.size() < 3) return false;
@@ -207,7 +207,7 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
   const double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
   const bool is_long = extent > std::max(most_extent * std::sqrt(whole), tuning.longer_than_face * longest);
-  return stretch > seams.max_stretch || (job.options.pack && is_long);
+  return stretch > job.options.MaxStretch() || (job.options.pack && is_long);
 }
 
 // Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.
@@ -254,7 +254,7 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
   Segmentation& segmentation = *charts->segmentation;
   std::vector<std::int32_t> todo(segmentation.charts().size());
   std::iota(todo.begin(), todo.end(), 0);
-  bool are_parted = !job.options.pack || todo.size() < 2;
+  bool are_parted = !job.options.IsForPacker() || todo.size() < 2;
   while (!todo.empty() && !job.execution.IsStopRequested()) {
     std::vector<Segmentation::Cut> cuts;
     std::size_t faces = 0, done = 0;
@@ -285,7 +285,7 @@ const PackerCuts& PackerCutsFor(const UnwrapOptions& options) {
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
-  const double allowed = (options.seams.max_stretch - 1) / 0.05;
+  const double allowed = (options.MaxStretch() - 1) / 0.05;
   const PackerCuts& cuts = PackerCutsFor(options);
   const double gain = cuts.hull_gain + cuts.few_hull_gain / count;
   return {gain * allowed * allowed * charts.drawn_area / count, cuts.cut_width * std::sqrt(charts.drawn_area)};
@@ -326,7 +326,8 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
     }
     bool is_faulty = !cut.part.empty() || cut.face >= 0;
     if (!is_faulty && seams.policy == SeamPolicy::kAuto) {
-      is_faulty = StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch;
+      is_faulty =
+          StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * job->options.MaxStretch();
     }
     if (is_faulty) cuts.push_back(std::move(cut));
   }

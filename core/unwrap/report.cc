@@ -10,6 +10,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
 #include "core/unwrap/distortion.h"
+#include "core/unwrap/seam_figures.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
 
@@ -280,6 +281,10 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
   result.quality.seam_length = RelativeSeamLength(job->mesh, charts, result.face_chart);
+  const SeamFigures figures = MeasureSeams(job->mesh, result.uv, job->execution);
+  result.quality.visible_seam_length = figures.visible_length;
+  result.quality.seam_turn_deg = figures.turn_deg;
+  result.quality.seam_symmetry = figures.symmetry;
   result.quality.flipped = delivery.orientation.flipped;
   result.quality.degenerate = delivery.orientation.degenerate;
   result.quality.overlapping = delivery.overlaps.pairs;
@@ -287,7 +292,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;
-  WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
+  WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? job->options.MaxStretch() : 0, delivery.stopped,
                &result.warnings);
   if (seams.policy != SeamPolicy::kAuto) WarnOfStretch(*job, charts, own_maps, all.map, result.uv, &result.warnings);
   WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);

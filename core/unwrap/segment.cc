@@ -2,6 +2,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <utility>
@@ -16,6 +17,7 @@
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
+#include "core/unwrap/holes.h"
 #include "core/unwrap/long_needles.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
@@ -23,18 +25,20 @@
 namespace planish {
 namespace {
 
-// With SeamPolicy::kKeep every piece must be a disc as it is.
-absl::Status CheckPieces(const Segmentation& segmentation) {
+// With SeamPolicy::kKeep every piece must be part of a plane, with holes or without.
+absl::Status CheckPieces(const Mesh& mesh, const Charts& charts) {
   std::vector<std::int32_t> first_faces;
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(segmentation.charts().size()); ++i) {
-    if (segmentation.HasSlit(i)) first_faces.push_back(segmentation.charts()[i].front());
+  for (const MappedChart& mapped : charts.charts) {
+    const Chart& chart = mapped.chart;
+    if (chart.slits.empty() || HoledPieceOf(mesh, chart)) continue;
+    first_faces.push_back(*std::min_element(chart.faces.begin(), chart.faces.end()));
   }
   if (first_faces.empty()) return absl::OkStatus();
   const std::int64_t count = std::ssize(first_faces);
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
                    absl::StrCat(Counted(count, "piece", "pieces"),
-                                " between the given seams cannot lie flat without another seam (closed, with several "
-                                "boundary loops or with a handle); give more seams, or allow them to be added"),
+                                " between the given seams cannot lie flat without another seam (closed, or with a "
+                                "handle); give more seams, or allow them to be added (--seams=needed)"),
                    {{"count", absl::StrCat(count)}, {"faces", FirstFaces(first_faces)}});
 }
 
@@ -61,32 +65,6 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
     area += surface.area[f] * weight * weight;
   }
   return area;
-}
-
-void MeasureAtlases(const Job& job, Charts* charts) {
-  const UnwrapOptions& options = job.options;
-  const Surface& surface = *charts->surface;
-  std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
-  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
-    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
-    const double area = surface.area[f] * reduction * reduction;
-    charts->drawn_area += area;
-    sizes[AtlasOf(options, f)].area += area;
-  }
-  for (std::int32_t i = 0; i < job.polygons.count(); ++i) {
-    std::int32_t first = -1;
-    job.polygons.ForEachFace(i, [&](std::int32_t f) { first = first < 0 && surface.takes_part[f] ? f : first; });
-    if (first < 0) continue;
-    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[first];
-    Charts::AtlasSize& size = sizes[AtlasOf(options, first)];
-    size.longest = std::max(size.longest, reduction * SizeOfPolygon(job.mesh, job.polygons, i).length);
-  }
-  if (options.layout == AtlasLayout::kStacked) return;
-  Charts::AtlasSize most;
-  for (const auto& [atlas, size] : sizes) {
-    most = {std::max(most.area, size.area), std::max(most.longest, size.longest)};
-  }
-  for (auto& [atlas, size] : sizes) size = most;
 }
 
 // What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
@@ -116,7 +94,7 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
 }
 
 // What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
-constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kRefineShare = 0.92;
+constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
@@ -126,9 +104,18 @@ void RejoinCharts(const Job& job, Charts* charts) {
   if (pairs.empty()) return;
   auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   const Execution silent = job.execution.Part(kSegmentShare, kSegmentShare);  // there is little to do
-  Segmentation after(*surface, before, job.options.seams.max_stretch, silent);
+  Segmentation after(*surface, before, FirstStretch(job.options), silent);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
+}
+
+// Of a slit along the edge that this corner faces: its length; less where the surface bends, since a seam is hidden
+// there. Infinite inside of a polygon.
+double SlitCost(const Surface& surface, std::int32_t corner) {
+  constexpr double kSharpCost = 0.1;  // where it bends by a right angle or more
+  const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, corner);
+  if (surface.is_uncut(h)) return std::numeric_limits<double>::infinity();
+  return surface.length(h) * (1 - (1 - kSharpCost) * std::clamp(1 - surface.bend_cosine(h), 0.0, 1.0));
 }
 
 constexpr std::size_t kFewestToCut = 3;
@@ -143,6 +130,43 @@ bool CanBeParted(const Surface& surface, const Chart& chart) {
 }
 
 }  // namespace
+
+void MeasureAtlases(const Job& job, Charts* charts) {
+  const UnwrapOptions& options = job.options;
+  const Surface& surface = *charts->surface;
+  std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
+    const double area = surface.area[f] * reduction * reduction;
+    charts->drawn_area += area;
+    sizes[AtlasOf(options, f)].area += area;
+  }
+  for (std::int32_t i = 0; i < job.polygons.count(); ++i) {
+    std::int32_t first = -1;
+    job.polygons.ForEachFace(i, [&](std::int32_t f) { first = first < 0 && surface.takes_part[f] ? f : first; });
+    if (first < 0) continue;
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[first];
+    Charts::AtlasSize& size = sizes[AtlasOf(options, first)];
+    size.longest = std::max(size.longest, reduction * SizeOfPolygon(job.mesh, job.polygons, i).length);
+  }
+  if (options.layout == AtlasLayout::kStacked) return;
+  Charts::AtlasSize most;
+  for (const auto& [atlas, size] : sizes) {
+    most = {std::max(most.area, size.area), std::max(most.longest, size.longest)};
+  }
+  for (auto& [atlas, size] : sizes) size = most;
+}
+
+AtlasTuning MergingOf(const UnwrapOptions& options) {
+  AtlasTuning tuning = options.tuning;
+  if (options.seams.prefer == SeamPreference::kSeams) tuning.widest = tuning.seams_widest;
+  return tuning;
+}
+
+double FirstStretch(const UnwrapOptions& options) {
+  const double most = options.MaxStretch();
+  return options.seams.prefer == SeamPreference::kSeams ? std::min(most, options.tuning.seams_first_stretch) : most;
+}
 
 absl::Status Job::Enter(UnwrapStage stage) {
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -211,11 +235,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const bool by_stretch = seams.policy == SeamPolicy::kAuto;
   std::vector<char> needles;
   if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->polygons, job->options.tuning);
-  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
-                                                        {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
-                                                         needles, PartOfFaces(job->options),
-                                                         job->options.face_polygon},
-                                                        job->execution));
+  const GivenSeams given = {seams.corners, seams.uncut_corners,       seams.hard_edge_degrees,
+                            needles,       PartOfFaces(job->options), job->options.face_polygon};
+  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh, given, job->execution));
   job->execution.Report(kSurfaceShare);
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
@@ -232,12 +254,19 @@ absl::StatusOr<Charts> Segment(Job* job) {
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
-  charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                              seams.max_stretch, job->execution.Part(kSurfaceShare, kSegmentShare),
-                              job->options.tuning);
-  if (by_stretch) RejoinCharts(*job, &charts);
+  const bool by_seams = by_stretch && seams.prefer == SeamPreference::kSeams;
+  bool is_mirrored = false;
+  if (by_seams) {
+    const Execution merging = job->execution.Part(kSurfaceShare, kSegmentShare);
+    PLANISH_ASSIGN_OR_RETURN(is_mirrored, SegmentMirrored(job, given, merging, &charts));
+  }
+  if (!is_mirrored) {
+    charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
+                                FirstStretch(job->options), job->execution.Part(kSurfaceShare, kSegmentShare),
+                                MergingOf(job->options));
+    if (by_stretch) RejoinCharts(*job, &charts);
+  }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
   if (!needles.empty()) {
     charts.reduction = ReduceLongNeedles(job->mesh, job->polygons, needles, charts.segmentation->charts(), job->options,
                                          &job->warnings);
@@ -245,10 +274,16 @@ absl::StatusOr<Charts> Segment(Job* job) {
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
-    const Execution refining = job->execution.Part(kSegmentShare, kRefineShare);
+    if (by_seams) {
+      const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
+      if (!is_mirrored) PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, &estimates, &charts));
+      const Execution improving = job->execution.Part(kSegmentShare, kImproveShare);
+      PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
+    }
+    const Execution refining = job->execution.Part(by_seams ? kImproveShare : kSegmentShare, kRefineShare);
     PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts));
     refining.Report(1);
-    PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
+    if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.
@@ -256,7 +291,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
                          (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float));
   charts.resolution = is_double ? of_double : of_float;
   charts.charts.resize(charts.segmentation->charts().size());
+  charts.slits_are_moved = !by_stretch;
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
+  if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(job->mesh, charts));
   job->seconds.charts = timer.Restart();
   return charts;
 }
@@ -267,7 +304,11 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   charts->charts[i] = {};
   Chart& chart = charts->charts[i].chart;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  const FlatMesh disc = ChartMesh(gluing, faces, &charts->place, &slits);
+  FlatMesh disc = ChartMesh(gluing, faces, &charts->place, &slits);
+  if (charts->slits_are_moved) {
+    const auto cost = [&](std::int32_t c) { return SlitCost(*charts->surface, 3 * faces[c / 3] + c % 3); };
+    SlitAlongShortPaths(cost, &disc, &slits);
+  }
   chart = MakeChart(disc, faces, slits, execution.ForOneThread());
   charts->charts[i].is_worth_cutting = chart.faces.size() >= kFewestToCut && CanBeParted(*charts->surface, chart);
   chart.enlargement = charts->ReductionOf(chart.faces);

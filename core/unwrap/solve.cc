@@ -58,7 +58,7 @@ absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const Flatten
       PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutChart(job->mesh, mapped->chart, std::move(flattening), execution));
     }
   }
-  if (!job->may_split() && !mapped->map.flatten->stopped) return absl::OkStatus();
+  if (job->options.seams.policy == SeamPolicy::kNone && !mapped->map.flatten->stopped) return absl::OkStatus();
   if (IsCutAnyway(*job, *mapped) && mapped->is_worth_cutting && !execution.IsStopRequested()) {
     mapped->faults.is_injective = false;  // for all that is known
     return absl::OkStatus();
@@ -113,8 +113,9 @@ WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector
   const AtlasTuning& tuning = job.options.tuning;
   switch (job.options.seams.policy) {
     case SeamPolicy::kNone:
-    case SeamPolicy::kKeep:
       return {.solve = tuning.most_work};
+    case SeamPolicy::kKeep:
+      return {.solve = tuning.most_work, .other_map = tuning.other_map_work};
     case SeamPolicy::kAuto:
       return {.solve = tuning.most_work, .gives_up = true};
     case SeamPolicy::kNeeded:

@@ -2,6 +2,7 @@
 // announces itself to the caller and measures its time.
 //
 //   Segment()               a mesh            -> Charts: a surface, cut into discs, each in the solver's arrays
+//     ImproveSeams()        estimates of maps -> discs that are glued, and borders that are moved
 //     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
 //     JoinEstimated()       estimates of maps -> discs that are joined
 //   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
@@ -79,6 +80,9 @@ struct Charts {
   // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
+  // Per chart of the segmentation: the one that is its mirror image, maybe itself, -1 where there is none; empty: none
+  // has one, and once a chart has been cut.
+  std::vector<std::int32_t> image;
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
@@ -100,7 +104,9 @@ struct Charts {
   std::int64_t given_up = 0;
   int widenings = 0;               // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;  // no vector: charts are added to many that are large
-  bool are_joined = false;         // charts that are no worse together have been joined (JoinCharts)
+  // Whether slits run along short paths, not as the segmentation has them: where given seams decide.
+  bool slits_are_moved = false;
+  bool are_joined = false;  // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
@@ -115,8 +121,8 @@ struct Charts {
 };
 
 // Imports the mesh and cuts it into discs as SeamOptions::policy says. Errors: those of CheckDisc() for kNone, of
-// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep; CANCELLED. Warnings: FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD,
-// ORIENTATION_INCONSISTENT.
+// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep (closed, or with a handle); CANCELLED. Warnings:
+// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT.
 absl::StatusOr<Charts> Segment(Job* job);
 
 // Makes chart i of its faces in the segmentation.
@@ -164,6 +170,23 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
 // CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
 absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
+// (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
+// a cancellation.
+absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+
+// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them by all of the above,
+// and those of the other of these. Sets `segmentation` and `image`. Returns whether it has; not for surfaces without
+// such a plane, nor with seams given. `seams`: what `charts->surface` was made with.
+absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+
+// The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
+void MeasureAtlases(const Job& job, Charts* charts);
+
+// What charts are merged with first, and the limit of their stretch then: ImproveSeams() goes on from there.
+AtlasTuning MergingOf(const UnwrapOptions& options);
+double FirstStretch(const UnwrapOptions& options);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
@@ -276,10 +299,20 @@ void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& pol
 // POLYGON_TORN, with the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
-// SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others, `given_up` of
-// these others because of the work that their solves took.
-void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::int64_t given_up,
-                      std::vector<UnwrapWarning>* warnings);
+// Seams beside the given ones.
+struct AddedSeams {
+  std::int64_t with_holes = 0;           // charts with holes that were slit open
+  std::int64_t others = 0;               // the same of charts that are closed or have handles
+  std::int64_t slit_edges = 0;           // of the slits of all of these
+  std::int64_t split = 0;                // charts that came from splitting others
+  std::int64_t given_up = 0;             // of these others: because of the work that their solves took
+  std::vector<std::int32_t> faces = {};  // one on each slit edge
+};
+// With SeamPolicy::kKeep and kNeeded. `first_count`: charts before any was split.
+AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count);
+
+// SEAMS_ADDED.
+void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
 // NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP,
 // STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been

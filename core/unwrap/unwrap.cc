@@ -24,7 +24,7 @@ absl::Status CheckRange(const std::string& field, Number value, Number low, Numb
 }
 
 absl::Status CheckSeams(const SeamOptions& seams) {
-  PLANISH_RETURN_IF_ERROR(CheckRange("max_stretch", seams.max_stretch, 1.001, 100.0));
+  PLANISH_RETURN_IF_ERROR(CheckRange("max_stretch", seams.max_stretch.value_or(1.001), 1.001, 100.0));
   if (!(seams.hard_edge_degrees >= 0 && seams.hard_edge_degrees <= 180)) {
     return OptionError("hard_edge_degrees",
                        absl::StrFormat("%g is not in (0, 180], nor 0 for none", seams.hard_edge_degrees));
@@ -214,10 +214,8 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
       is_draft = goes_on;
       continue;
     }
-    if (options.seams.policy == SeamPolicy::kNeeded) {
-      const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
-      WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
-                       charts.given_up, &job.warnings);
+    if (charts.slits_are_moved) {
+      WarnOfAddedSeams(FindAddedSeams(mesh, charts, first_count), options.seams.policy, &job.warnings);
     }
     return Report(&job, charts, *atlas, std::move(delivery));
   }

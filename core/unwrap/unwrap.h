@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,14 +33,23 @@ enum class Precision {
 // each other. Where more than two faces meet, pairs of them stay joined, the flattest first, and charts end between
 // others.
 enum class SeamPolicy {
-  kNone,    // none: the mesh must be a disc
-  kKeep,    // the given seams and no others: the pieces must be discs
+  kNone,  // none: the mesh must be a disc
+  // The given seams, and slits in pieces with holes that have no other sound map with a stretch of 2 or less (warning
+  // SEAMS_ADDED). Closed pieces, and those with handles, are refused.
+  kKeep,
   kNeeded,  // the given seams, and more only where a piece is no disc or no map keeps its borders
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };
 
+// What SeamPolicy::kAuto places seams for.
+enum class SeamPreference {
+  kSeams,    // few, short and hidden seams (core/charts/seam_cost.h)
+  kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
+};
+
 struct SeamOptions {
   SeamPolicy policy = SeamPolicy::kAuto;
+  SeamPreference prefer = SeamPreference::kTexture;
   // Edges at which the normals of the two faces are further apart than this are seams. Degrees in (0, 180]; 0: none.
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
@@ -48,8 +58,8 @@ struct SeamOptions {
   // part charts all the same.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
-  // below this, as far as cutting helps. In [1.001, 100].
-  double max_stretch = 1.05;
+  // below this, as far as cutting helps. In [1.001, 100]; without: AtlasTuning::seams_stretch or texture_stretch.
+  std::optional<double> max_stretch;
 };
 
 // Where several atlases go (UnwrapOptions::face_atlas).
@@ -78,6 +88,14 @@ struct UnwrapOptions {
   // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
   // number.
   int threads = 1;
+
+  // SeamOptions::max_stretch, or what stands for it.
+  double MaxStretch() const {
+    const bool by_seams = seams.prefer == SeamPreference::kSeams;
+    return seams.max_stretch.value_or(by_seams ? tuning.seams_stretch : tuning.texture_stretch);
+  }
+  // Whether charts are cut and joined for the packer's sake.
+  bool IsForPacker() const { return pack && seams.prefer == SeamPreference::kTexture; }
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;

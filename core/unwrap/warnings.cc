@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/mesh/diagnosis.h"
+#include "core/unwrap/holes.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
@@ -91,11 +92,12 @@ void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::
 
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings) {
   const std::int64_t count = std::ssize(first_faces);
-  WarnOf(count, "POLYGON_TORN",
-         absl::StrCat(Counted(count, "polygon", "polygons"),
-                      " could not stay in one piece: the triangles unfold onto each other, or make no disc; some corners "
-                      "have different UV in different triangles"),
-         first_faces, warnings);
+  WarnOf(
+      count, "POLYGON_TORN",
+      absl::StrCat(Counted(count, "polygon", "polygons"),
+                   " could not stay in one piece: the triangles unfold onto each other, or make no disc; some corners "
+                   "have different UV in different triangles"),
+      first_faces, warnings);
 }
 
 void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
@@ -107,23 +109,57 @@ void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& pol
          widened, warnings);
 }
 
-void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::int64_t given_up,
-                      std::vector<UnwrapWarning>* warnings) {
-  if (slit == 0 && added == 0) return;
+AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count) {
+  AddedSeams added;
+  added.split = charts.count() - first_count;
+  added.given_up = charts.given_up;
+  for (const MappedChart& mapped : charts.charts) {
+    if (!mapped.is_slit()) continue;
+    const Chart& chart = mapped.chart;
+    ++(HoledPieceOf(mesh, chart) ? added.with_holes : added.others);
+    std::vector<char> is_closed(chart.slits.size(), 0);
+    for (const std::int32_t i : mapped.map.closed_slits) is_closed[i] = 1;
+    for (std::size_t i = 0; i < chart.slits.size(); ++i) {
+      if (is_closed[i]) continue;
+      ++added.slit_edges;
+      added.faces.push_back(chart.faces[chart.slits[i].first / 3]);
+    }
+  }
+  return added;
+}
+
+void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<UnwrapWarning>* warnings) {
+  const std::int64_t slit = added.with_holes + added.others;
+  if (slit == 0 && added.split == 0) return;
   std::vector<std::string> parts;
-  if (slit > 0) parts.push_back(absl::StrCat(Counted(slit, "chart was", "charts were"), " slit open to lie flat"));
-  if (added > 0) {
-    parts.push_back(absl::StrCat(Counted(added, "chart was", "charts were"),
+  if (added.with_holes > 0) {
+    parts.push_back(absl::StrFormat(
+        "%s slit open from hole to outline, since without a slit the map would overlap itself or be stretched %s",
+        Counted(added.with_holes, "chart with holes was", "charts with holes were"),
+        policy == SeamPolicy::kKeep ? absl::StrFormat("beyond %g", kMuchStretch) : "much more"));
+  }
+  if (added.others > 0) {
+    parts.push_back(absl::StrCat(
+        Counted(added.others, "chart that is closed or has handles was", "charts that are closed or have handles were"),
+        " slit open to lie flat"));
+  }
+  if (added.split > 0) {
+    parts.push_back(absl::StrCat(Counted(added.split, "chart was", "charts were"),
                                  " split off, as the map would have overlapped itself or been stretched beyond use"));
   }
-  if (given_up > 0) {
-    parts.push_back(
-        absl::StrCat(Counted(given_up, "solve was", "solves were"), " given up before, since it took too much work"));
+  if (added.given_up > 0) {
+    parts.push_back(absl::StrCat(Counted(added.given_up, "solve was", "solves were"),
+                                 " given up before, since it took too much work"));
   }
-  warnings->push_back(
-      {"SEAMS_ADDED",
-       absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
-       {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}, {"given_up", absl::StrCat(given_up)}}});
+  const std::string where =
+      slit == 0 ? "" : absl::StrCat(". The slits have ", Counted(added.slit_edges, "edge", "edges"));
+  warnings->push_back({"SEAMS_ADDED",
+                       absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; "), where),
+                       {{"slit", absl::StrCat(slit)},
+                        {"slit_edges", absl::StrCat(added.slit_edges)},
+                        {"split", absl::StrCat(added.split)},
+                        {"given_up", absl::StrCat(added.given_up)}},
+                       added.faces});
 }
 
 void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std::int32_t>& worst_face,
@@ -228,7 +264,9 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
       [](const ChartReport&) {
         return "with these borders ABF gives no map that is free of overlaps and not stretched beyond use; a "
-               "barycentric map on a disc keeps the borders, but not the angles; a seam would help";
+               "barycentric map, relaxed until it is stretched little, keeps the borders, but not the angles; a seam "
+               "would "
+               "help";
       });
   if (max_stretch <= 0) return;
   double worst = 1;

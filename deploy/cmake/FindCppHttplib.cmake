@@ -8,7 +8,7 @@ if(CppHttplib_FOUND AND NOT TARGET CppHttplib::CppHttplib)
   set_target_properties(CppHttplib::CppHttplib PROPERTIES
     IMPORTED_LOCATION ${CppHttplib_LIBRARY}
     INTERFACE_INCLUDE_DIRECTORIES ${CppHttplib_INCLUDE_DIR}
-    # As the library was compiled (cpp-httplib.pc): classes are laid out by these.
+    # The definitions that the library was compiled with (cpp-httplib.pc); the layout of its classes depends on them.
     INTERFACE_COMPILE_DEFINITIONS "CPPHTTPLIB_OPENSSL_SUPPORT;CPPHTTPLIB_ZLIB_SUPPORT;CPPHTTPLIB_BROTLI_SUPPORT")
 endif()
 mark_as_advanced(CppHttplib_INCLUDE_DIR CppHttplib_LIBRARY)

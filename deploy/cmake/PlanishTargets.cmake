@@ -3,15 +3,15 @@
 #   planish_executable(NAME sources... PRIVATE deps... [PCH ...])
 # Include paths are relative to the repository's root ("core/abf/newton.h").
 #
-# Most of the time of a build goes into headers, so each is compiled a few times only:
+# Headers take most of the time of a build, so each is compiled only a few times:
 # - PLANISH_UNITY: the sources of a target are compiled together, PLANISH_UNITY_BATCH of them at a time. The names in
 #   their anonymous namespaces must therefore differ.
-# - PLANISH_PCH: heavy headers of others are precompiled, by the targets that name them after PCH and for those that
-#   name such a target after PCH_OF. No source may rely on that: it includes what it uses.
+# - PLANISH_PCH: heavy headers of other projects are precompiled by the targets that name them after PCH, and used by
+#   targets that name such a target after PCH_OF. A source must still include what it uses.
 # Both are ON by default; the preset "clang" builds without either.
 #
-# A folder whose code waits for others (sockets, files, people) sets PLANISH_OPTIMIZE to -O1, which compiles in half the
-# time of the -O3 that numbers need. Nothing is optimized with CMAKE_BUILD_TYPE=Debug.
+# A folder whose code mostly waits (for sockets, files, people) sets PLANISH_OPTIMIZE to -O1, which compiles in half the
+# time of -O3. Nothing is optimized with CMAKE_BUILD_TYPE=Debug.
 
 # PCH_OF: both targets must be compiled with the same -O, -std and -f.
 function(planish_precompile target)
@@ -33,11 +33,11 @@ function(planish_sanitize target)
   target_compile_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE} -fno-omit-frame-pointer)
   target_link_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE})
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # False in std::function and std::variant of libstdc++, where checks of sanitizers lie between.
+    # False warnings in std::function and std::variant of libstdc++ when sanitizers add checks.
     target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
     if(PLANISH_SANITIZE STREQUAL "thread")
-      # With __SANITIZE_THREAD__ defined, protobuf's headers give map fields two more members, which Debian's library, built
-      # without, knows nothing of. libstdc++ needs _GLIBCXX_TSAN, which it would define from it.
+      # With __SANITIZE_THREAD__ defined, protobuf's headers give map fields two more members, which Debian's library,
+      # built without it, does not have. libstdc++ needs _GLIBCXX_TSAN, which it would define from it.
       target_compile_options(${target} PUBLIC -U__SANITIZE_THREAD__ -D_GLIBCXX_TSAN=1)
     endif()
   endif()
@@ -47,14 +47,14 @@ function(planish_compile_options target)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-    # GCC 12 sees overlapping copies in std::string concatenation where there are none (GCC bug 105651).
+    # GCC 12 wrongly warns of overlapping copies in std::string concatenation (GCC bug 105651).
     target_compile_options(${target} PRIVATE -Wno-restrict)
   endif()
   if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
     target_compile_options(${target} PRIVATE ${PLANISH_OPTIMIZE})
   endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # GCC tidies up its memory no sooner than there is half a GB of it: a tenth of the time of a build.
+    # GCC collects garbage only beyond half a GB, which saves a tenth of the build time.
     target_compile_options(${target} PRIVATE --param=ggc-min-heapsize=500000)
   endif()
   if(PLANISH_WARNINGS_AS_ERRORS)
@@ -63,7 +63,7 @@ function(planish_compile_options target)
   if(PLANISH_UNITY)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${PLANISH_UNITY_BATCH})
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-      # GCC takes a source that another one includes for a header, which anonymous namespaces have no place in.
+      # GCC treats a source that another one includes as a header, and warns of anonymous namespaces in it.
       target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
     endif()
   endif()

@@ -1,8 +1,8 @@
-// bin/NAME of the relocatable tarball: executes libexec/NAME with the dynamic loader and the libraries in lib, all of
-// them beside the directory of this file, wherever that is. Linked statically, so it runs on any Linux of the same
-// architecture.
+// bin/NAME of the relocatable tarball: executes libexec/NAME with the dynamic loader and the libraries in lib. Finds
+// both relative to its own path, so the tarball works in any directory. It is linked statically, so it runs on any
+// Linux of the same architecture.
 //
-// The program learns the path of this file as its argv[0] (core/base/program_path.h).
+// The program gets the path of this file as its argv[0] (core/base/program_path.h).
 #include <limits.h>
 #include <unistd.h>
 
@@ -28,10 +28,10 @@ int main(int count, char** values) {
   std::string libraries = root + "/lib";
   std::string program = root + "/libexec" + self.substr(name);
 
-  // What others want loaded into every program may need another C library than this one.
+  // What LD_PRELOAD names may need another C library than this one.
   unsetenv("LD_PRELOAD");
   unsetenv("LD_AUDIT");
-  // Without the system's cache of libraries: it lists those of another C library.
+  // Ignores the system's cache of libraries, which belong to another C library.
   std::vector<std::string> words = {loader, "--inhibit-cache", "--library-path", libraries, "--argv0", self, program};
   for (int i = 1; i < count; ++i) words.push_back(values[i]);
   std::vector<char*> arguments;

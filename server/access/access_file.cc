@@ -47,7 +47,7 @@ int LineOf(const YAML::Node& node) {
   return node.Mark().is_null() ? 0 : node.Mark().line + 1;
 }
 
-// One value of the file, and where it stands.
+// One value of the file, and its place.
 struct Item {
   YAML::Node node;
   std::string key;  // "tenants.lighting.queue"
@@ -77,7 +77,7 @@ class Parser {
     return absl::InvalidArgumentError(Where(item) + what);
   }
 
-  // The values of a map by their keys, which must be of `known` (any, if that is empty) and there once.
+  // The values of a map by their keys. Each key must occur once and be one of `known` (any key, if that is empty).
   absl::StatusOr<std::map<std::string, Item>> Map(const Item& item, const std::vector<std::string>& known) const {
     if (!item.node.IsMap()) return Wrong(item, "expected \"key: value\" lines");
     std::map<std::string, Item> map;
@@ -166,7 +166,7 @@ class Parser {
     }
     Credential credential;
     credential.tenant = tenant;
-    std::string same;  // as another of the same kind would be
+    std::string same;  // equal for two credentials that are the same
     PLANISH_RETURN_IF_ERROR(Identify(map, &credential, &same));
     if (const auto found = map.find("name"); found != map.end()) {
       PLANISH_ASSIGN_OR_RETURN(const std::string name, Text(found->second));
@@ -226,12 +226,12 @@ class Parser {
     const std::map<std::string, bool*> names = {
         {"submit", &rights.submit}, {"jobs", &rights.jobs}, {"all-jobs", &rights.all_jobs}, {"admin", &rights.admin}};
     PLANISH_ASSIGN_OR_RETURN(const std::vector<Item> list, List(found->second));
-    if (list.empty()) return Wrong(found->second, "there are none; leave the line out for submit and jobs");
+    if (list.empty()) return Wrong(found->second, "the list is empty; leave the line out for submit and jobs");
     for (const Item& each : list) {
       PLANISH_ASSIGN_OR_RETURN(const std::string text, Text(each));
       const auto right = names.find(text);
       if (right == names.end()) {
-        return Wrong(each, "no such right: " + text + "; there are submit, jobs, all-jobs and admin");
+        return Wrong(each, "unknown right: " + text + "; use submit, jobs, all-jobs or admin");
       }
       *right->second = true;
     }
@@ -241,13 +241,13 @@ class Parser {
   const std::string file_;
   std::map<std::string, TenantLimits> limits_;
   std::vector<Credential> credentials_;
-  std::map<std::string, std::string> known_;  // from what a credential is to where it stands
+  std::map<std::string, std::string> known_;  // from a credential to its place in the file
 };
 
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const AccessTable>> ParseAccessFile(const std::string& text, const std::string& file) {
-  // yaml-cpp speaks in exceptions.
+  // yaml-cpp reports errors by exceptions.
   try {
     return Parser(file).Parse(YAML::Load(text));
   } catch (const YAML::Exception& error) {
@@ -262,10 +262,10 @@ absl::StatusOr<LoadedAccess> LoadAccessFile(const std::string& file) {
   struct stat info = {};
   if (stat(file.c_str(), &info) == 0) {
     if ((info.st_mode & S_IWOTH) != 0) {
-      return absl::InvalidArgumentError(file + ": everybody on this machine may change it: chmod o-rwx " + file);
+      return absl::InvalidArgumentError(file + ": everybody on this machine can change it: chmod o-rwx " + file);
     }
     if ((info.st_mode & S_IROTH) != 0) {
-      loaded.warnings.push_back(file + ": everybody on this machine may read it: chmod o-r " + file);
+      loaded.warnings.push_back(file + ": everybody on this machine can read it: chmod o-r " + file);
     }
   }
   PLANISH_ASSIGN_OR_RETURN(loaded.table, ParseAccessFile(text, file));

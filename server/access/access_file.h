@@ -25,7 +25,7 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong". `file` is for these messages.
+// INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong". `file`: the name for these messages.
 absl::StatusOr<std::shared_ptr<const AccessTable>> ParseAccessFile(const std::string& text, const std::string& file);
 
 struct LoadedAccess {
@@ -33,7 +33,7 @@ struct LoadedAccess {
   std::vector<std::string> warnings;  // e.g. that everybody may read the file
 };
 
-// The same of a file; INVALID_ARGUMENT as well if it cannot be read, or everybody may write it.
+// Reads and parses a file. INVALID_ARGUMENT also if it cannot be read, or if everybody may write to it.
 absl::StatusOr<LoadedAccess> LoadAccessFile(const std::string& file);
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// The access file as it is now.
+// Gives access to the current access file, which can be read again.
 #pragma once
 
 #include <functional>
@@ -17,18 +17,18 @@ class AccessSource {
   // Errors of LoadAccessFile().
   static absl::StatusOr<std::unique_ptr<AccessSource>> Open(const std::string& file);
 
-  // For calls from now on: who got theirs before keeps the old one until they let go of it.
+  // The current table. A call keeps the table it got, also after a reload.
   std::shared_ptr<const AccessTable> table() const;
 
-  // Reads the file again; the function puts what it says in force. Errors of LoadAccessFile().
+  // Reads the file again; calling the returned function puts the new table in force. Errors of LoadAccessFile().
   absl::StatusOr<std::function<void()>> Prepare();
 
-  // Both at once. If the file is wrong, the table stays as it was and the error says why.
+  // Prepare(), and then the returned function. If the file is wrong, the table does not change and the error says why.
   absl::Status Reload();
 
   const std::string& file() const { return file_; }
 
-  // What LoadAccessFile() warned about, last time.
+  // The warnings of the last LoadAccessFile().
   std::vector<std::string> warnings() const;
 
  private:

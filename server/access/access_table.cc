@@ -11,7 +11,7 @@ namespace {
 absl::StatusOr<Caller> Admit(const Credential& credential, absl::Time now) {
   if (now >= credential.expires) {
     return MakeError(absl::StatusCode::kUnauthenticated, "CREDENTIALS_EXPIRED",
-                     "these credentials have expired: ask whoever runs the server for new ones");
+                     "these credentials have expired: ask the operator of the server for new ones");
   }
   return Caller{credential.tenant, credential.label, credential.rights, ""};
 }

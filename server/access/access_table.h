@@ -1,4 +1,4 @@
-// Who is who: credentials of callers, and the tenants and rights that they stand for.
+// Maps credentials of callers to tenants and rights.
 #pragma once
 
 #include <cstdint>
@@ -29,25 +29,25 @@ struct Credential {
   absl::Time expires = absl::InfiniteFuture();
 };
 
-// UNAUTHENTICATED with CREDENTIALS_INVALID. One sentence whatever is wrong: it helps nobody to guess.
+// UNAUTHENTICATED with CREDENTIALS_INVALID. The message is always the same, so that it does not help to guess.
 absl::Status CredentialsInvalid();
 
-// Immutable, so threads may share it. Each Find answers with the caller, CredentialsInvalid(), or UNAUTHENTICATED with
-// CREDENTIALS_EXPIRED where `now` is not before Credential::expires.
+// Immutable, so threads may share it. Each Find returns the caller, CredentialsInvalid(), or UNAUTHENTICATED with
+// CREDENTIALS_EXPIRED if `now` is not before Credential::expires.
 class AccessTable {
  public:
   // Every credential's tenant is one of `tenants`, and no two credentials are the same.
   AccessTable(std::map<std::string, TenantLimits> tenants, std::vector<Credential> credentials);
 
-  // Looks at all tokens, so that time tells nothing about which are near.
+  // Compares all tokens, so that the time does not reveal which ones are similar.
   absl::StatusOr<Caller> FindToken(std::string_view token, absl::Time now) const;
 
-  // `names` are those that a certificate proves. The first that is known counts; case does not.
+  // `names`: the names in a certificate. The first known name counts. Case is ignored.
   absl::StatusOr<Caller> FindCertificate(const std::vector<std::string>& names, absl::Time now) const;
 
   absl::StatusOr<Caller> FindUser(std::uint32_t uid, absl::Time now) const;
 
-  // Defaults for a tenant that is not in the file.
+  // The default limits for a tenant that is not in the file.
   TenantLimits LimitsOf(const std::string& tenant) const;
 
   const std::map<std::string, TenantLimits>& tenants() const { return tenants_; }

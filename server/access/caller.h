@@ -1,4 +1,4 @@
-// Who calls, and what they may do.
+// The caller of an RPC: tenant, credentials and rights.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace planish {
 
-// The tenant of callers where no access file tells them apart.
+// The tenant of all callers if there is no access file.
 inline constexpr char kDefaultTenant[] = "default";
 
 struct Rights {
@@ -20,25 +20,25 @@ struct Rights {
   bool operator==(const Rights&) const = default;
 };
 
-// What a call is about, as far as rights go.
+// The right that a call needs.
 enum class Need {
   kNobody,   // no credentials at all
-  kNothing,  // credentials, with any rights or none
+  kNothing,  // valid credentials, with or without rights
   kSubmit,
-  kFollow,  // follow and end what one's own Unwrap began: "submit" or "jobs"
+  kFollow,  // follow and end jobs of one's own Unwrap: "submit" or "jobs"
   kJobs,
   kAdmin,
 };
 
 struct Caller {
   std::string tenant;
-  // Which of the tenant's credentials it was, for logs: e.g. "token farm", "certificate render-7", "user 1000".
+  // Which of the tenant's credentials was used, for logs: "token farm", "certificate render-7", "user 1000".
   std::string credential;
   Rights rights;
-  // W3C trace context (the header "traceparent"), made up where the caller gave none.
+  // W3C trace context (the header "traceparent"), a new one if the caller sent none.
   std::string traceparent;
 
-  // Whether a job of `owner` is this caller's to know of. One that is not does not exist for it.
+  // Whether this caller may see jobs of the tenant `owner`. Other jobs do not exist for it.
   bool MaySee(const std::string& owner) const { return rights.all_jobs || (rights.jobs && owner == tenant); }
 
   // PERMISSION_DENIED with RIGHT_MISSING and metadata "right".

@@ -1,18 +1,18 @@
-// What a tenant may have of something that all tenants have to share.
+// How much a tenant may take of something that all tenants share.
 #pragma once
 
 #include <cstdint>
 
 namespace planish {
 
-// Whether a tenant that has `own` of what all have, `total`, may take `more`: as long as that is within `limit` for
-// all, and beyond it up to an equal part of `limit` for each of `tenants` (those that have any, and this one; >= 1). So
-// a tenant that takes all there is keeps nobody else out.
+// Whether a tenant that has `own` of the `total` that all tenants have may take `more`. It may as long as the total
+// stays within `limit`, and beyond that up to an equal part of `limit` for each of `tenants` (the number of tenants
+// that have any, this one included; >= 1). So a tenant that takes everything cannot keep others out.
 //
-// The bound on all that is taken: limit (1 + 1/2 + ... + 1/n) with n tenants. For let the tenants be in the order of
-// what they have, most first, and look at the last thing that any of the first i of them took. Either the total was
-// within the limit then, so that the least of the i has at most limit / i; or they all had some then, tenants >= i, and
-// whoever took it has at most limit / i, as has the least of the i. What goes away again only helps.
+// The total is at most limit (1 + 1/2 + ... + 1/n) with n tenants. Proof: order the tenants by what they have, most
+// first, and consider the last time that one of the first i took something. Either the total was then within the limit,
+// so that the least of the i tenants has at most limit / i; or all of them had some, so that tenants >= i and the one
+// that took it has at most limit / i, and so has the least of the i. Returning something only lowers the total.
 bool HasFairPart(std::int64_t own, std::int64_t total, std::int64_t more, std::int64_t limit, std::int64_t tenants);
 
 }  // namespace planish

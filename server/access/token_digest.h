@@ -1,4 +1,4 @@
-// SHA-256 of bearer tokens: what a server knows of them.
+// SHA-256 of bearer tokens. A server knows only these digests, not the tokens.
 #pragma once
 
 #include <array>
@@ -13,13 +13,13 @@ using TokenDigest = std::array<std::uint8_t, 32>;
 
 TokenDigest DigestOf(std::string_view token);
 
-// Takes the same time wherever the two differ.
+// Takes the same time wherever the two differ, so that timing reveals nothing.
 bool IsEqual(const TokenDigest& a, const TokenDigest& b);
 
 // 64 hexadecimal digits, upper or lower case; nothing for any other text.
 std::optional<TokenDigest> ParseTokenDigest(std::string_view hex);
 
-// The first 8 hexadecimal digits: a name for a token that has none. They say nothing about a random token.
+// The first 8 hexadecimal digits: a name for a token that has none. They reveal nothing about a random token.
 std::string ShortName(const TokenDigest& digest);
 
 }  // namespace planish

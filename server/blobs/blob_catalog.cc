@@ -14,13 +14,6 @@
 #include "server/blobs/file_layer.h"
 
 namespace planish {
-namespace {
-
-absl::Status StorageFull(const std::string& message) {
-  return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", message);
-}
-
-}  // namespace
 
 class BlobCatalog::Reservation {
  public:
@@ -32,11 +25,11 @@ class BlobCatalog::Reservation {
 
   // Both require mutex_.
   absl::Status Take(std::int64_t bytes) {
-    PLANISH_RETURN_IF_ERROR(catalog_.CheckRoom(tenant_, bytes));
-    catalog_.Count(tenant_, bytes_ = bytes);
+    PLANISH_RETURN_IF_ERROR(catalog_.room_.Check(tenant_, bytes));
+    catalog_.room_.Count(tenant_, bytes_ = bytes);
     return absl::OkStatus();
   }
-  void GiveBack() { catalog_.Count(tenant_, -std::exchange(bytes_, 0)); }
+  void GiveBack() { catalog_.room_.Count(tenant_, -std::exchange(bytes_, 0)); }
 
  private:
   BlobCatalog& catalog_;
@@ -45,7 +38,7 @@ class BlobCatalog::Reservation {
 };
 
 BlobCatalog::BlobCatalog(BlobPlaces places, std::int64_t max_bytes, TenantLimitsSource limits)
-    : places_(std::move(places)), max_bytes_(max_bytes), limits_(std::move(limits)) {}
+    : places_(std::move(places)), room_(max_bytes, std::move(limits)) {}
 
 absl::Status BlobCatalog::Open() {
   return Refresh();
@@ -71,7 +64,7 @@ absl::Status BlobCatalog::Refresh() {
       ++entry;
       continue;
     }
-    Count(entry->first.tenant, -entry->second.bytes);
+    room_.Count(entry->first.tenant, -entry->second.bytes);
     entry = entries_.erase(entry);
   }
   for (const auto& [place, found] : {std::pair(Place::kStore, &stored), std::pair(Place::kRow, &rows)}) {
@@ -100,7 +93,7 @@ absl::StatusOr<StoredBlobPtr> BlobCatalog::Put(const std::string& tenant, std::s
       // Where processes share the store, what was there may have gone since: it is put, or committed, once more.
       is_new = !is_present || (is_shared() && present->second.kept == nullptr);
       if (is_new && !is_stored) {
-        if (!is_present) PLANISH_RETURN_IF_ERROR(CheckRoom(tenant, size));
+        if (!is_present) PLANISH_RETURN_IF_ERROR(room_.Check(tenant, size));
         PLANISH_ASSIGN_OR_RETURN(BlobPtr copy, Blob::Copy(bytes));
         StoredBlobPtr blob = StoredBlob::InMemory(std::move(copy));
         Entry& entry = is_present ? present->second : Add(id, size, Place::kMemory);
@@ -164,7 +157,7 @@ absl::Status BlobCatalog::Store(const BlobId& id, std::int64_t size, const std::
   }
   // What was pending or a row is in the store from now on; its row stays in the database until the blob is removed.
   Entry& present = entry->second;
-  Count(id.tenant, size - present.bytes);
+  room_.Count(id.tenant, size - present.bytes);
   present.bytes = size;
   released = std::exchange(present.kept, nullptr);
   if (released != nullptr) present.open = released;
@@ -286,7 +279,7 @@ absl::Status BlobCatalog::Refuse(const BlobId& id, std::int64_t number, absl::St
     --found->second.opening;
     if (!IsLost(status)) return status;
     // A damaged row stays until the blob is put again, which replaces it, or until the next start.
-    Count(id.tenant, -found->second.bytes);
+    room_.Count(id.tenant, -found->second.bytes);
     entries_.erase(found);
   }
   if (on_damage_) on_damage_(status);
@@ -308,23 +301,17 @@ bool BlobCatalog::Has(const BlobId& id) const {
 
 std::int64_t BlobCatalog::bytes() const {
   const std::lock_guard lock(mutex_);
-  return bytes_;
+  return room_.bytes();
 }
 
 std::int64_t BlobCatalog::bytes(const std::string& tenant) const {
   const std::lock_guard lock(mutex_);
-  return BytesOf(tenant);
+  return room_.bytes(tenant);
 }
 
 std::string BlobCatalog::WhoGivesWay(const std::string& tenant, std::int64_t more) const {
   const std::lock_guard lock(mutex_);
-  const std::int64_t own = BytesOf(tenant) + more;
-  const std::int64_t limit = LimitOf(tenant);
-  const auto tenants = static_cast<std::int64_t>(tenant_bytes_.size()) + (tenant_bytes_.contains(tenant) ? 0 : 1);
-  if ((limit >= 0 && own > limit) || own > max_bytes_ / tenants) return tenant;
-  const auto most = std::max_element(tenant_bytes_.begin(), tenant_bytes_.end(),
-                                     [](const auto& a, const auto& b) { return a.second < b.second; });
-  return most == tenant_bytes_.end() ? tenant : most->first;
+  return room_.WhoGivesWay(tenant, more);
 }
 
 std::vector<BlobId> BlobCatalog::Ids() const {
@@ -346,7 +333,7 @@ bool BlobCatalog::Remove(const BlobId& id) {
     const auto entry = entries_.find(id);
     if (entry == entries_.end()) return true;
     if (IsHeld(entry->second)) return false;
-    Count(id.tenant, -entry->second.bytes);
+    room_.Count(id.tenant, -entry->second.bytes);
     removed = std::move(entry->second);
     entries_.erase(entry);
     removing_.insert(id);
@@ -378,40 +365,13 @@ void BlobCatalog::Collect(const std::function<bool(const BlobId& id)>& is_used) 
   }
 }
 
-std::int64_t BlobCatalog::BytesOf(const std::string& tenant) const {
-  const auto found = tenant_bytes_.find(tenant);
-  return found == tenant_bytes_.end() ? 0 : found->second;
-}
-
-std::int64_t BlobCatalog::LimitOf(const std::string& tenant) const {
-  return limits_ == nullptr ? -1 : limits_(tenant).store_bytes;
-}
-
-// Whoever may have all of the store may know how full it is; what others have of it is theirs.
-absl::Status BlobCatalog::CheckRoom(const std::string& tenant, std::int64_t bytes) const {
-  const std::int64_t own = BytesOf(tenant);
-  const std::int64_t limit = LimitOf(tenant);
-  if (limit >= 0 && own + bytes > limit) {
-    return StorageFull(absl::StrCat("the store of tenant ", tenant, " is full: it holds ", own, " of ", limit,
-                                    " bytes, and ", bytes, " more are needed"));
-  }
-  if (bytes_ + bytes <= max_bytes_) return absl::OkStatus();
-  return StorageFull(absl::StrCat("the server's store is full: it takes ", max_bytes_, " bytes, tenant ", tenant,
-                                  " has ", own, " of them, and ", bytes, " more are needed"));
-}
-
 BlobCatalog::Entry& BlobCatalog::Add(const BlobId& id, std::int64_t bytes, Place place) {
   Entry& entry = entries_[id];
   entry.number = next_number_++;
   entry.bytes = bytes;
   entry.place = place;
-  Count(id.tenant, bytes);
+  room_.Count(id.tenant, bytes);
   return entry;
-}
-
-void BlobCatalog::Count(const std::string& tenant, std::int64_t bytes) {
-  bytes_ += bytes;
-  if ((tenant_bytes_[tenant] += bytes) == 0) tenant_bytes_.erase(tenant);
 }
 
 }  // namespace planish

@@ -1,5 +1,5 @@
-// What one server knows of its blobs: how much room tenants have, what somebody holds, and small blobs that wait to be
-// committed with a record.
+// What one server knows of its blobs: which there are, which are in use, and which small ones wait to be committed with
+// a record.
 #pragma once
 
 #include <condition_variable>
@@ -18,35 +18,13 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/access/tenant.h"
+#include "server/blobs/blob_rows.h"
 #include "server/blobs/blob_store.h"
 #include "server/blobs/stored_blob.h"
+#include "server/blobs/tenant_room.h"
 #include "server/link/blob.h"
 
 namespace planish {
-
-// A small blob on its way into the database that has the records: both are committed together, which saves the syncs of
-// a file and its folder.
-struct BlobRow {
-  BlobId id;
-  StoredBlobPtr bytes;  // in memory
-};
-
-// Small blobs in a database (JobStore). Whoever commits a record passes rows on to JobStore::Write().
-class BlobRows {
- public:
-  // Blobs up to this size become rows.
-  static constexpr std::int64_t kMostBytes = std::int64_t{256} << 10;
-
-  virtual ~BlobRows() = default;
-
-  // All rows: whose, and how many bytes.
-  virtual absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() = 0;
-  // NOT_FOUND with BLOB_NOT_FOUND. Thread-safe.
-  virtual absl::StatusOr<std::string> Read(const BlobId& id) = 0;
-  // Removes the row unless a record needs the blob, whoever wrote that; whether there is no such row any more. Only for
-  // a thread that may call JobStore.
-  virtual absl::StatusOr<bool> Remove(const BlobId& id) = 0;
-};
 
 // Where blobs are.
 struct BlobPlaces {
@@ -114,10 +92,9 @@ class BlobCatalog {
   // Bytes of all blobs, and of a tenant's, those that are being put included.
   std::int64_t bytes() const;
   std::int64_t bytes(const std::string& tenant) const;
-  std::int64_t max_bytes() const { return max_bytes_; }
+  std::int64_t max_bytes() const { return room_.max_bytes(); }
 
-  // Whose bytes must go before `tenant` can have `more`: its own, unless the store is full and the tenant would stay
-  // within an equal part of it for each tenant that has any; then of the tenant that has most.
+  // TenantRoom::WhoGivesWay().
   std::string WhoGivesWay(const std::string& tenant, std::int64_t more) const;
 
   // All blobs of this moment.
@@ -156,18 +133,11 @@ class BlobCatalog {
   // Without mutex_. Calls `put` to bring a blob into the store, and adds its entry.
   absl::Status Store(const BlobId& id, std::int64_t size, const std::function<absl::Status()>& put);
 
-  // All require mutex_.
+  // Both require mutex_.
   static bool IsHeld(const Entry& entry);
-  std::int64_t BytesOf(const std::string& tenant) const;
-  // -1: none.
-  std::int64_t LimitOf(const std::string& tenant) const;
-  absl::Status CheckRoom(const std::string& tenant, std::int64_t bytes) const;
   Entry& Add(const BlobId& id, std::int64_t bytes, Place place);
-  void Count(const std::string& tenant, std::int64_t bytes);
 
   const BlobPlaces places_;
-  const std::int64_t max_bytes_;
-  const TenantLimitsSource limits_;
   std::function<void(const absl::Status&)> on_damage_;
 
   mutable std::mutex mutex_;
@@ -175,8 +145,7 @@ class BlobCatalog {
   // Guarded by mutex_.
   std::map<BlobId, Entry> entries_;
   std::set<BlobId> removing_;  // on their way out of the store: nobody puts them meanwhile
-  std::int64_t bytes_ = 0;
-  std::map<std::string, std::int64_t> tenant_bytes_;  // of tenants that have any
+  TenantRoom room_;
   std::int64_t next_number_ = 1;
 };
 

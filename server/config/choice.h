@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// An option whose value is one of some words; its default is what `target` holds.
+// Adds an option whose value is one of `choices`. Its default is the value of `target`.
 template <class Value>
 void AddChoice(CLI::App* app, const std::string& flag, Value* target,
                const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {
@@ -24,7 +24,7 @@ void AddChoice(CLI::App* app, const std::string& flag, Value* target,
   }
   const auto is_word = [words](const std::string& text) {
     const bool known = std::find(words.begin(), words.end(), text) != words.end();
-    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
+    return known ? std::string() : absl::StrCat(text, " is not one of ", absl::StrJoin(words, ", "));
   };
   app->add_option_function<std::string>(
          flag,

@@ -14,7 +14,7 @@ std::string Plain(std::string text) {
   return text;
 }
 
-// Levenshtein's distance, row by row.
+// The Levenshtein distance, computed row by row.
 std::size_t Changes(const std::string& from, const std::string& to) {
   std::vector<std::size_t> row(to.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});

@@ -6,7 +6,7 @@
 namespace planish {
 namespace {
 
-// Quoted where YAML would not read the same text without.
+// The text, quoted if YAML would read something else without quotes.
 std::string Scalar(const std::string& text) {
   YAML::Emitter emitter;
   emitter << text;

@@ -1,4 +1,4 @@
-// Settings as they are in effect, and their form as a configuration file.
+// Settings in effect, and their form as a configuration file.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@ namespace planish {
 
 struct Setting {
   std::string key;                  // the flag's name without the dashes
-  std::vector<std::string> values;  // as one would write them; none: not set
+  std::vector<std::string> values;  // as a person would write them; empty: not set
   bool is_list = false;
   // Where it comes from: "flag", "environment", "FILE:LINE" or "default".
   std::string source = "default";
@@ -19,8 +19,8 @@ struct Setting {
 // "64", "[a, b]", or "none".
 std::string ValueText(const Setting& setting);
 
-// One "key: value" a line, each with its source as a comment; those that are not set are comments altogether. Read as a
-// configuration file it gives the same values.
+// A line "key: value" for each setting, with its source as a comment. Settings that are not set become comments. Read
+// as a configuration file, the text gives the same values.
 std::string ToYaml(const std::vector<Setting>& settings);
 
 }  // namespace planish

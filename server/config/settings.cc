@@ -21,7 +21,7 @@ std::string DidYouMean(const std::string& name) {
   return name.empty() ? "" : absl::StrCat("; did you mean ", name, "?");
 }
 
-// CLI11 puts the flag in front; whoever calls names the place.
+// The error without the flag that CLI11 puts in front: the caller names the place instead.
 std::string Reason(const CLI::Option& option, const CLI::Error& error) {
   const std::string flag = option.get_name() + ": ";
   const std::string text = error.what();
@@ -50,7 +50,7 @@ Settings::Settings(CLI::App* app, std::string prefix) : app_(app), prefix_(std::
     entry.option = option;
     entry.is_flag = option->get_items_expected_max() == 0;
     entry.is_list = option->get_items_expected_max() > 1;
-    // Runs before all others, so it sees what was written where they leave what it means.
+    // Runs before all other transformations, so it sees the text as written.
     option->transform([&entry](std::string text) {
       entry.texts.push_back(text);
       return text;
@@ -101,7 +101,7 @@ std::vector<std::string> Settings::AddFile(const std::string& path) {
     }
     std::vector<std::string> values;
     for (const FileValue& value : setting.values) values.push_back(value.text);
-    // What a higher place overrides must be right all the same: it is in effect as soon as that is gone.
+    // An overridden value must be valid too: it takes effect as soon as the override is removed.
     const bool overridden = entry.option->count() > 0;
     const std::string problem =
         overridden ? Check(&entry, values) : Give(&entry, values, absl::StrCat(path, ":", setting.line));
@@ -136,7 +136,7 @@ std::vector<Setting> Settings::InEffect() const {
     } else if (entry.is_flag) {
       setting.values = {"false"};
     } else {
-      // A default that was written down says it in words; others are as the variable is by now.
+      // If the option has no default in words, takes the present value of its variable.
       if (entry.option->get_default_str().empty()) entry.option->capture_default_str();
       std::string text = entry.option->get_default_str();
       if (entry.is_list && absl::StartsWith(text, "[")) {

@@ -1,4 +1,5 @@
-// One table of settings, CLI11's options, filled from three places: the command line over the environment over a file.
+// Fills one table of settings, CLI11's options, from three sources: the command line, which overrides the environment,
+// which overrides a file.
 #pragma once
 
 #include <map>
@@ -17,33 +18,34 @@ namespace planish {
 // Variables by name.
 using Environment = std::map<std::string, std::string>;
 
-// Those of this process whose names begin with `prefix`.
+// The variables of this process whose names begin with `prefix`.
 Environment ReadEnvironment(const std::string& prefix);
 
 // Every option with a long name that is configurable() is a setting: "--retain-mb" is the key "retain-mb" of the file
 // and, with the prefix "PLANISHD_", the variable PLANISHD_RETAIN_MB. A list is one value or a list in the file, and
-// separated by commas in a variable. A place that has a setting replaces lists of lower ones too.
+// separated by commas in a variable. A list from one source replaces that of a lower source; they are not joined.
 //
-// Ranges, choices and conversions are those of the options, wherever a value comes from.
+// The options' ranges, choices and conversions apply to values from every source.
 class Settings {
  public:
-  // After the options of *app were defined and before app->parse(). `app` must outlive this.
+  // Call it after the options of *app were defined and before app->parse(). `app` must outlive this object.
   Settings(CLI::App* app, std::string prefix);
   Settings(const Settings&) = delete;
   Settings& operator=(const Settings&) = delete;
 
-  // These two come after app->parse(), in this order. Each gives values to the settings that have none so far and
-  // returns what is wrong: "PLANISHD_QUEUE: ...", "FILE:LINE: KEY: ...". After an error *app's variables are of no use.
-  // Variables that are empty count as not set.
+  // Call these two after app->parse(), in this order. Each gives values to settings that have none so far, and returns
+  // the errors: "PLANISHD_QUEUE: ...", "FILE:LINE: KEY: ...". After an error the values in *app must not be used. Empty
+  // variables count as not set.
   std::vector<std::string> AddEnvironment(const Environment& environment);
   std::vector<std::string> AddFile(const std::string& path);
 
-  // Sentences about variables that begin with the prefix and are no setting's; `known` are others' names.
+  // A warning for each variable that begins with the prefix but is not a setting. `known`: names of other valid
+  // variables.
   std::vector<std::string> UnknownVariables(const Environment& environment,
                                             const std::vector<std::string>& known) const;
 
-  // All settings, in the order in which they were defined. What no place has is what the option's variable holds, if it
-  // has a default or a value by now.
+  // All settings, in the order of their definition. A setting without a source has the value of the option's variable,
+  // if that has a default or a value by now.
   std::vector<Setting> InEffect() const;
 
  private:
@@ -52,14 +54,14 @@ class Settings {
     bool is_flag = false;
     bool is_list = false;
     std::vector<std::string> texts;  // as given, before the option's transformations
-    std::string source;              // empty: the command line, or nowhere
+    std::string source;              // empty: the command line, or none
   };
 
   std::vector<std::string> Keys() const;
   std::string Variable(const std::string& key) const;
-  // Empty, or why the option does not take the values.
+  // Gives the values to the option. Returns why it refuses them, or an empty string.
   static std::string Give(Entry* entry, const std::vector<std::string>& values, const std::string& source);
-  // The same without giving them.
+  // Like Give(), but only checks the values.
   static std::string Check(Entry* entry, const std::vector<std::string>& values);
 
   CLI::App* const app_;

@@ -44,7 +44,7 @@ class Reader {
     errno = 0;
     std::ifstream stream(path_, std::ios::binary);
     std::ostringstream bytes;
-    // A directory opens, and fails when it is read.
+    // A directory can be opened; only reading it fails.
     if (!stream || !(bytes << stream.rdbuf())) {
       if (stream.is_open() && errno == 0) return "";
       Fail(absl::StrCat("cannot read it: ", std::strerror(errno)));

@@ -1,4 +1,4 @@
-// The configuration file, before anybody knows what its keys mean.
+// The configuration file as keys and values, before their meaning is known.
 #pragma once
 
 #include <string>
@@ -23,8 +23,8 @@ struct SettingsFile {
   std::vector<std::string> errors;    // "FILE:LINE: KEY: ...", or "FILE: ..." for the file as a whole
 };
 
-// Reads a YAML mapping of keys to values or lists of values; an empty file is one without keys. What is wrong is left
-// out of the settings and told in the errors.
+// Reads a YAML mapping of keys to values or lists of values; an empty file has no keys. Wrong entries are left out of
+// the settings and described in the errors.
 SettingsFile ReadSettingsFile(const std::string& path);
 
 }  // namespace planish

@@ -12,36 +12,37 @@
 
 namespace planish {
 
-// Claims that all servers of a farm make together in a second, if they take no time: each server has one in an
-// interval, which is the longer the more servers there are, and takes more with it.
+// Claims per second of all servers of a farm together, not counting the time that claims take. Each server makes one
+// claim per interval; with more servers the interval is longer, and each claim takes more work.
 inline constexpr double kClaimsPerSecond = 250;
-inline constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
+inline constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // a shorter interval counts as 0
 
-// Renewals in the time that a lease lasts.
+// Renewals per lease duration.
 inline constexpr int kRenewalsPerLease = 3;
 
-// The time between two things of one kind that each of so many servers asks of the store they share, so that all of
-// them together ask `per_second`. Zero where that is less than `least`.
+// Interval between two requests of one kind when `servers` servers share the store and are together to make
+// `per_second` of them. Zero if that interval is less than `least`.
 inline absl::Duration SharedPace(int servers, double per_second, absl::Duration least) {
   const absl::Duration pace = absl::Seconds(servers / per_second);
   return pace > least ? pace : absl::ZeroDuration();
 }
 
-// A database that is asked for more than it can give answers late. Then servers ask less often, and take more with each
-// claim: those that queue for an answer would get nothing sooner, and be in the way of all others.
+// Backs off when the database is overloaded: servers then claim less often, and take more work with each claim. More
+// concurrent claims would only make the queue for the database longer.
 //
-// Where n servers take c claims a second together, each has n / c seconds for a rest and a claim. So a claim queues for
-// about n / c / kRests, however much more work there is than the database can give. The median of the last claims
-// counts: one that met a pause of the database says nothing.
+// If n servers together make c claims per second, each has n / c seconds for a rest and a claim. So a claim queues for
+// about n / c / kRests, however overloaded the database is. The median of the last claims counts, since a single slow
+// claim may be a pause of the database.
 class ClaimPace {
  public:
-  // `owner`: of the server's leases.
+  // `owner`: the owner of this server's leases.
   explicit ClaimPace(const std::string& owner)
       : place_(static_cast<double>(std::hash<std::string>()(owner) % 1000) / 1000),
         random_(static_cast<unsigned>(std::hash<std::string>()(owner))) {}
 
-  // After a claim that queued so long (JobStore::Claim): at this server's place in an interval, after a rest that
-  // varies by a half. Servers that once waited for the same thing would otherwise come together from then on.
+  // Time of the next claim, after one that queued for `queued` (JobStore::Claim). Each server has its own offset within
+  // the interval, and the rest varies by up to a half, so that servers that waited for the same thing do not claim at
+  // the same moment ever after.
   absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration queued) {
     last_[count_++ % kLast] = queued;
     if (interval <= absl::ZeroDuration()) return now;
@@ -53,9 +54,11 @@ class ClaimPace {
 
  private:
   static constexpr std::size_t kLast = 3;
-  static constexpr absl::Duration kPrompt = absl::Milliseconds(2);  // of a database that has time
-  static constexpr int kRests = 200;                                // times what a claim queued beyond that
-  static constexpr int kMostIntervals = 5;  // of a rest: all servers together make 50 claims a second at least
+  // Queueing time of a claim when the database is not busy.
+  static constexpr absl::Duration kPrompt = absl::Milliseconds(2);
+  // Rest, in multiples of the queueing time beyond kPrompt.
+  static constexpr int kRests = 200;
+  static constexpr int kMostIntervals = 5;  // longest rest: all servers together still make 50 claims a second
 
   absl::Duration Median() const {
     std::array<absl::Duration, kLast> sorted = last_;

@@ -1,4 +1,4 @@
-// What happened to a job, for any number of readers at their own pace.
+// The events of a job, for any number of readers, each at its own pace.
 #pragma once
 
 #include <cstddef>
@@ -17,9 +17,9 @@
 
 namespace planish {
 
-// A bounded ring of a job's events in the order of the sequences that the store gave them. The event with a terminal
-// state is the last one. When it is full the oldest progress event goes; changes of state stay, there are only a
-// handful. The writer never waits for a reader.
+// A bounded ring of a job's events, in the order of the sequence numbers that the store assigned. The event with a
+// terminal state is the last one. When the ring is full, the oldest progress event is dropped; changes of state are
+// kept, since there are only a few. The writer never waits for a reader.
 //
 // Thread-safe.
 class JobEventLog {
@@ -33,27 +33,28 @@ class JobEventLog {
     absl::Status status;                // with `ended`: not OK if the job goes on, but not here (Interrupt)
   };
 
-  // `capacity`: events held at most, unless changes of state alone are more.
+  // `capacity`: the number of events that are kept at most; changes of state are kept even beyond it.
   explicit JobEventLog(std::size_t capacity) : capacity_(capacity) {}
 
-  // Takes over an event of the store, which has its sequence, if it is newer than all there are: whoever calls has all
-  // between. `uv` with the final one: the job's result or null.
+  // Adds an event of the store if it is newer than all events here. The caller must have added every event before it.
+  // `uv`, with the final event: the job's result, or null.
   void Restore(v1::JobEvent event, StoredBlobPtr uv = nullptr);
 
-  // Takes over an event if it is the next one. False, and nothing has changed, if one before it is missing.
+  // Adds an event if its sequence number is the next one. Returns false and changes nothing if an earlier event is
+  // missing.
   bool Append(v1::JobEvent event, StoredBlobPtr uv = nullptr);
 
-  // Ends the log though not the job: readers get `status`, which must not be OK, after what there is.
+  // Ends the log although the job goes on: after the events that are here, readers get `status`, which must not be OK.
   void Interrupt(const absl::Status& status);
 
   // Calls every subscriber, on this thread. Call it after each append, holding no lock.
   void Notify() const;
 
-  // The first event held with a sequence greater than `after` (>= 0), with `skipped` set to the number of events
-  // between the two that are gone.
+  // The first event whose sequence number is greater than `after` (>= 0). Its `skipped` is the number of events between
+  // the two that were dropped.
   Read ReadAfter(std::int64_t after) const;
 
-  // Of the newest event; 0: none.
+  // Sequence number of the newest event; 0 if there is none.
   std::int64_t last_sequence() const;
 
   bool ended() const;
@@ -61,7 +62,7 @@ class JobEventLog {
   // Null before the last event, and for a job that did not succeed.
   StoredBlobPtr uv() const;
 
-  // From now on calls `wake` after each append. A call under way when the subscription is dropped runs on, so
+  // From now on calls `wake` after each append. A call that is running when the subscription is dropped finishes, so
   // `wake` should hold weak pointers only.
   [[nodiscard]] Subscription Subscribe(std::function<void()> wake) const;
 

@@ -15,11 +15,11 @@
 namespace planish {
 namespace {
 
-// Advice to come back is neither a flood nor a farewell.
+// Bounds of the delay in RetryInfo, so that clients neither flood the server nor give up.
 constexpr double kLeastRetrySeconds = 0.05;
 constexpr double kMostRetrySeconds = 60;
 
-// A forecast is made anew after so many times what it took at least: that of a long queue reads all of it.
+// A forecast is reused for this many times the duration of making it, since making one reads the whole queue.
 constexpr int kForecastRests = 20;
 
 }  // namespace
@@ -38,7 +38,7 @@ absl::StatusOr<JobNeeds> JobAdmission::NeedsOf(const std::string& tenant, std::s
   const JobManagerOptions& limits = context_.options;
   if (array_vertices.has_value()) {
     size = SizeOfArrays(mesh.size(), *array_vertices);
-    mesh = {};  // no Draco file
+    mesh = {};  // not a Draco file
   }
   JobNeeds needs;
   if (limits.estimate != nullptr) {
@@ -125,7 +125,7 @@ absl::Status JobAdmission::QueueFull(const std::string& tenant, Room room) const
 
 absl::Status JobAdmission::CheckRoom(const std::string& tenant, std::int64_t mesh_bytes) const {
   const QueueLimits limits = LimitsOf(tenant);
-  // Mostly there was room a moment ago.
+  // Usually the recent forecast shows that there is room.
   PLANISH_ASSIGN_OR_RETURN(const Room before, AskForecast<Room>([&](QueueForecast* forecast) {
                              return RoomFor(forecast->accounts(), limits, tenant, mesh_bytes);
                            }));
@@ -193,7 +193,7 @@ absl::StatusOr<JobAdmission::Prepared> JobAdmission::Prepare(const Caller& calle
   PLANISH_RETURN_IF_ERROR(refusal);
   std::optional<KeptResult> result;
   if (!request.scheduling.fresh()) result = FindResult(prepared.work_key);
-  // Before the mesh is kept; Accept() decides.
+  // An early check, before the mesh is stored. Accept() decides.
   if (absl::Status room = CheckRoom(caller.tenant, request.MeshBytes()); !room.ok() && !result.has_value()) {
     if (request.scheduling.fresh()) return room;
     PLANISH_ASSIGN_OR_RETURN(const bool shares, context_.store.IsUnderWay(caller.tenant, prepared.work_key));
@@ -302,7 +302,7 @@ absl::StatusOr<AcceptedJob> JobAdmission::AnswerNew(const JobRequest& request, A
   JobChange& change = accepted.change;
   const std::string name = change.record.job().name();
   const bool has_result = IsTerminal(change.record.job().state());
-  // First what it is accepted as, then what has become of it.
+  // The first event has the state in which the job was accepted; the record has its present state.
   v1::Job* const first = change.events.front().mutable_job();
   if (!has_result) {
     if (const absl::StatusOr<int> position = PositionOf(change.record); position.ok()) {

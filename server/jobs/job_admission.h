@@ -32,11 +32,11 @@ struct AcceptedJob {
 // Thread-safe. No lock is held while the store is asked.
 class JobAdmission {
  public:
-  // All outlive the object. `seconds_factor`: what work takes over what was expected of it, lately.
+  // All outlive the object. `seconds_factor`: the recent ratio of actual to estimated seconds of work.
   JobAdmission(JobContext* context, JobFeed* feed, JobCallers* callers, JobRetention* retention,
                std::function<double()> seconds_factor);
 
-  // JobManager::Create. `refusal`: why no new jobs are taken; OK: they are.
+  // JobManager::Create. `refusal`: why no new jobs are accepted; OK if they are.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request, const absl::Status& refusal);
   // JobManager::CreateAll, likewise.
   std::vector<absl::StatusOr<AcceptedJob>> CreateAll(const Caller& caller, std::vector<JobRequest> requests,
@@ -49,11 +49,11 @@ class JobAdmission {
   absl::StatusOr<JobNeeds> NeedsOf(const std::string& tenant, std::string_view mesh,
                                    std::optional<std::int64_t> array_vertices, std::int64_t mesh_bytes,
                                    v1::MeshSize size, const v1::UnwrapOptions& options) const;
-  // What a tenant may have waiting.
+  // How much of a tenant may wait.
   QueueLimits LimitsOf(const std::string& tenant) const;
   // The place in the queue of a job that waits.
   absl::StatusOr<int> PositionOf(const JobRecord& record) const;
-  // Adds the calls since the start: TenantStats, and ManagerStats::refused_by_reason.
+  // Adds the counts of calls since the start to TenantStats and to ManagerStats::refused_by_reason.
   void AddCalls(std::map<std::string, TenantStats>* tenants, std::map<std::string, std::int64_t>* refused) const;
 
  private:
@@ -67,7 +67,7 @@ class JobAdmission {
 
   // A request that is about to be accepted.
   struct Prepared {
-    std::optional<AcceptedJob> known;  // the job that has its request id; then the rest is empty
+    std::optional<AcceptedJob> known;  // an existing job with this request id; then the rest is empty
     JobRequest request;
     std::string work_key;
     BlobHold mesh_hold, elements_hold;  // until the record refers to them
@@ -79,7 +79,7 @@ class JobAdmission {
   absl::StatusOr<Prepared> Prepare(const Caller& caller, JobRequest asked, const absl::Status& refusal);
   absl::StatusOr<AcceptedJob> AnswerPrepared(const Caller& caller, Prepared* prepared,
                                              absl::StatusOr<AcceptedChange> accepted);
-  // Counts refusals.
+  // Counts a refusal and returns `answer`.
   absl::StatusOr<AcceptedJob> Noted(const Caller& caller, absl::StatusOr<AcceptedJob> answer);
   // The job that has the request id, if there is one.
   absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
@@ -91,7 +91,7 @@ class JobAdmission {
   // The newest result of this work that is still kept.
   std::optional<KeptResult> FindResult(const std::string& work_key) const;
   JobRecord NewRecord(const Caller& caller, const JobRequest& request) const;
-  // Asks a forecast that is young enough.
+  // Asks the forecast, after making a new one if it is too old.
   template <class Answer>
   absl::StatusOr<Answer> AskForecast(const std::function<Answer(QueueForecast*)>& question) const;
   absl::Status CheckRoom(const std::string& tenant, std::int64_t mesh_bytes) const;
@@ -109,7 +109,7 @@ class JobAdmission {
   std::map<std::string, std::int64_t> refused_by_reason_;
   mutable std::optional<QueueForecast> forecast_;
   mutable absl::Time forecast_time_ = absl::InfinitePast();  // by the steady clock
-  mutable absl::Duration forecast_cost_;                     // that making it took
+  mutable absl::Duration forecast_cost_;                     // time that making the forecast took
 };
 
 }  // namespace planish

@@ -5,7 +5,7 @@
 namespace planish {
 namespace {
 
-// Between two times that the store is told of callers.
+// Interval at which callers are renewed in the store.
 constexpr absl::Duration kRenewal = absl::Seconds(20);
 
 }  // namespace
@@ -43,7 +43,7 @@ void JobCallers::Detach(const std::string& name, Parting parting) {
     if (suspended_ || parting == Parting::kJobEnded) return;
   }
   const absl::Duration grace = parting == Parting::kForGood ? absl::ZeroDuration() : context_.Limits().reattach_grace;
-  // If it cannot be written, what was said last comes true a little later.
+  // If this cannot be written, the callers' last renewal expires a little later, with the same effect.
   if (const absl::Status status = context_.store.KeepCallers({name}, grace); !status.ok()) context_.TellError(status);
   if (grace <= absl::ZeroDuration() && context_.on_due) context_.on_due();
 }
@@ -52,13 +52,13 @@ void JobCallers::Renew() {
   std::vector<std::string> names;
   const absl::Time now = context_.options.steady_clock();
   absl::Duration ahead;
-  // A store that others share has a clock that asking takes a round trip.
+  // Asking a shared store for its time costs a round trip.
   if (!context_.store.is_shared()) {
     if (const absl::StatusOr<absl::Time> of_store = context_.store.Now(); of_store.ok()) ahead = *of_store - now;
   }
   {
     const std::lock_guard lock(mutex_);
-    // What the store was told is worth nothing once its clock was set forward.
+    // If the store's clock was set forward, earlier renewals may have expired.
     const bool was_set = ahead > store_ahead_ + kRenewal;
     store_ahead_ = ahead;
     if (suspended_ || (now < next_renewal_ && !was_set)) return;

@@ -1,4 +1,4 @@
-// Callers that jobs belong to: a job whose callers are all gone is cancelled after a while.
+// Keeps track of the callers that jobs belong to. A job whose callers are all gone is cancelled after a grace period.
 #pragma once
 
 #include <map>
@@ -13,15 +13,15 @@ namespace planish {
 
 class JobCallers;
 
-// Why a caller goes.
+// Why a caller leaves.
 enum class Parting {
-  kMayReturn,  // the connection is gone: there is a grace
+  kMayReturn,  // the connection was lost: the grace period begins
   kForGood,    // its deadline passed
-  kJobEnded,   // it was told the job's end: nothing is to be written
+  kJobEnded,   // it received the job's end: nothing needs to be written
 };
 
-// One caller that a job belongs to. When the last one goes and nobody detached the job, it is cancelled unless another
-// one comes within the grace. Must not outlive the manager. Not thread-safe.
+// One caller of a job. When the last caller leaves and nobody detached the job, the job is cancelled unless another
+// caller attaches within the grace period. Must not outlive the manager. Not thread-safe.
 class JobAttachment {
  public:
   JobAttachment() = default;
@@ -41,21 +41,22 @@ class JobAttachment {
   std::string name_;
 };
 
-// The callers of this process. The store knows until when they are there for sure: whoever attaches or stays says so,
-// and a process that dies stops saying it. Thread-safe.
+// The callers of this process. The store has, for each job, the time until which its callers count as present.
+// Attaching and Renew() extend it; a process that dies no longer does. Thread-safe.
 class JobCallers {
  public:
   // `context` outlives the object.
   explicit JobCallers(JobContext* context) : context_(*context) {}
 
-  // How long the store believes that callers are there who have just come or said so.
+  // How long callers count as present after they attached or were renewed.
   static constexpr absl::Duration kBelieved = absl::Seconds(60);
 
-  // Counts one more caller. `known`: the store knows, as when the job was just accepted.
+  // Counts one more caller. `known`: the store knows of it already, for instance because the job was just accepted.
   JobAttachment Attach(const std::string& name, bool known);
-  // Says of all jobs with callers that these are there. Call it a few times a second: most calls do nothing.
+  // Tells the store that the callers of all attached jobs are still present. Call it a few times a second: most calls
+  // do nothing.
   void Renew();
-  // From now on attachments are released without a word: the next process asks anew.
+  // From now on, releasing an attachment writes nothing: the next process starts its own grace period.
   void Suspend();
 
  private:
@@ -69,7 +70,8 @@ class JobCallers {
   // Guarded by mutex_.
   std::map<std::string, int> callers_;              // of each job
   absl::Time next_renewal_ = absl::InfinitePast();  // by the steady clock
-  absl::Duration store_ahead_;                      // of the steady clock, the store's one, at the last look
+  // How far the store's clock was ahead of the steady clock at the last check.
+  absl::Duration store_ahead_;
   bool suspended_ = false;
 };
 

@@ -13,16 +13,16 @@
 namespace planish {
 namespace {
 
-// Between two looks at everything that is watched and may be changed by others.
+// Poll interval for watched jobs that other processes may change.
 constexpr absl::Duration kLookInterval = absl::Seconds(2);
-// Where many are watched, no more of them.
+// Most jobs polled per second, however many are watched.
 constexpr std::size_t kLookedAtPerSecond = 2000;
 
 }  // namespace
 
 JobFeed::JobFeed(JobContext* context) : context_(*context) {
   subscription_ = context_.store.Subscribe([this](const StoreNews& news) {
-    if (news.local) return;  // Tell() comes
+    if (news.local) return;  // Tell() follows
     const std::lock_guard lock(mutex_);
     if (news.everything) next_look_ = absl::InfinitePast();
     for (const std::string& name : news.jobs) {
@@ -56,7 +56,7 @@ std::shared_ptr<JobEventLog> JobFeed::Find(const std::string& name) {
 }
 
 absl::StatusOr<std::shared_ptr<const JobEventLog>> JobFeed::Open(const JobRecord& record) {
-  // One that ended changes no more.
+  // A job that has ended no longer changes.
   const bool has_ended = IsTerminal(record.job().state());
   const std::shared_ptr<JobEventLog> log = has_ended ? std::make_shared<JobEventLog>(context_.options.events_per_job)
                                                      : Register(record.job().name(), record.number());
@@ -98,7 +98,7 @@ absl::Status JobFeed::Finish(v1::JobEvent event, JobEventLog* log) {
     if (found.ok()) {
       uv = *std::move(found);
     } else if (!IsLost(found.status())) {
-      return WithRetryDelay(found.status(), context_.options.retry_delay);  // they are there
+      return WithRetryDelay(found.status(), context_.options.retry_delay);  // the UV exist, but cannot be opened now
     }
   }
   log->Restore(std::move(event), std::move(uv));
@@ -129,7 +129,7 @@ void JobFeed::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& u
     const bool succeeded = change.record.job().state() == v1::JOB_STATE_SUCCEEDED;
     for (const v1::JobEvent& event : change.events) {
       if (log->Append(event, succeeded ? uv : nullptr)) continue;
-      // Another thread's or process's change came between, and is told later or never.
+      // An earlier event, by another thread or process, is missing: it arrives later or never, so read the store.
       if (const absl::Status status = Read(name, change.record.number(), log.get()); !status.ok()) {
         context_.TellError(status);
         const std::lock_guard lock(mutex_);

@@ -1,4 +1,4 @@
-// What watchers see of jobs: the store's events, kept in logs as long as somebody reads them.
+// Delivers the store's events to watchers, through a log for each watched job.
 #pragma once
 
 #include <cstdint>
@@ -17,34 +17,35 @@
 
 namespace planish {
 
-// A log is fed by what this process does, at once (Tell), and by what others did when the store says that something has
-// changed (Refresh). The sequences are the store's, so that either may come first. Thread-safe.
+// Changes that this process makes are added to the logs at once (Tell); changes by other processes are read when the
+// store notifies of them (Refresh). The sequence numbers are the store's, so either may come first. Thread-safe.
 class JobFeed {
  public:
   // `context` outlives the object and all logs.
   explicit JobFeed(JobContext* context);
 
-  // The job's events so far, and those to come. Its UV are there if the job SUCCEEDED and has them still.
-  // RESOURCE_EXHAUSTED with a retry delay if they cannot be opened for now.
+  // The log of the job's past and future events. Has the UV if the job SUCCEEDED and they are still kept.
+  // RESOURCE_EXHAUSTED with a retry delay if the UV cannot be opened at the moment.
   absl::StatusOr<std::shared_ptr<const JobEventLog>> Open(const JobRecord& record);
-  // The log of a job that is about to be accepted, before anybody can change it.
+  // The log of a job that is about to be accepted. Call it before the job can change.
   std::shared_ptr<JobEventLog> OpenNew(const std::string& name);
-  // It was accepted.
+  // The job was accepted and has this number.
   void NoteNumber(const std::string& name, std::int64_t number);
 
-  // Tells everybody what verbs of this process made of jobs; `uv` are those of the ones that SUCCEEDED.
+  // Adds the changes that this process wrote to the logs and wakes their readers. `uv`: the result of those jobs that
+  // SUCCEEDED.
   void Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& uv = nullptr);
 
   // Reads what other processes changed. Call it a few times a second.
   void Refresh();
 
-  // Ends all logs of jobs that go on, with `status`, and all that are opened from now on.
+  // Ends the logs of all unfinished jobs with `status`, those opened later included.
   void Interrupt(const absl::Status& status);
 
  private:
   struct Entry {
     std::weak_ptr<JobEventLog> log;
-    std::int64_t number = 0;  // of the job; 0: it is being accepted
+    std::int64_t number = 0;  // the job's number; 0 while it is being accepted
   };
 
   std::shared_ptr<JobEventLog> Register(const std::string& name, std::int64_t number);
@@ -54,22 +55,22 @@ class JobFeed {
   absl::Status Read(const std::string& name, std::int64_t number, JobEventLog* log);
   // Adds a job's last event, with the UV.
   absl::Status Finish(v1::JobEvent event, JobEventLog* log);
-  // Ends the log of a job that ended, or is gone, under a sequence that was given before. A database that crashed may
-  // have forgotten the newest events that were told, and gives their sequences again.
+  // Ends the log of a job that has ended or was deleted, although its last event has a sequence number that readers
+  // have already seen. A database that crashed may have forgotten the newest events, and assigns their numbers again.
   absl::Status EndBehind(const std::string& name, JobEventLog* log);
-  // Reads what is new of these, which all have numbers.
+  // Reads new events of these jobs, which all have numbers.
   void LookAtAll(const std::map<std::string, Entry>& entries);
-  // Has `read` add to the log, if anybody reads it, and wakes its readers. What fails is tried again.
+  // Calls `read` to add to the log, if anybody reads it, and wakes its readers. A failed read is tried again later.
   void ReadNew(const std::string& name, const Entry& entry, const std::function<absl::Status(JobEventLog*)>& read);
 
   JobContext& context_;
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<std::string, Entry> logs_;            // of jobs that had not ended, by name
-  std::size_t next_clearing_ = 64;               // entries from which on those that nobody reads are looked for
-  std::set<std::string> changed_;                // of these, those that others changed
-  absl::Time next_look_ = absl::InfinitePast();  // at all of them, by the steady clock: news may be lost
+  std::map<std::string, Entry> logs_;            // of unfinished jobs, by name
+  std::size_t next_clearing_ = 64;               // number of entries at which unread ones are removed
+  std::set<std::string> changed_;                // jobs of logs_ that other processes changed
+  absl::Time next_look_ = absl::InfinitePast();  // poll of all jobs, by the steady clock: notifications may be lost
   absl::Status interrupted_;
 
   JobStore::Subscription subscription_;

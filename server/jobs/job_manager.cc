@@ -17,23 +17,23 @@ namespace {
 
 constexpr int kDefaultPageSize = 50;
 constexpr int kMaxPageSize = 1000;
-// Of a page with reports, which may be hundreds of KB each: the jobs that are read for it, and the bytes after which it
-// ends. Clients take messages of 4 MiB unless they ask for more.
+// Limits of a page with reports, which may be hundreds of KB each: the number of jobs that are read for it, and the
+// bytes after which it ends. Clients accept messages of 4 MiB unless they set a higher limit.
 constexpr int kMaxFullPageSize = 50;
 constexpr std::size_t kFullPageBytes = std::size_t{2} << 20;
 
-// Pieces of work that a transaction ends or takes over.
+// Pieces of work that one transaction ends or takes over.
 constexpr int kSlice = 100;
 
-// How often all servers that share a store look together for jobs that are overdue and servers that are gone, and for
-// what was kept long enough.
+// How often, together, all servers that share a store look for overdue jobs and expired leases, and for results and
+// records whose retention has ended.
 constexpr double kLooksPerSecond = 20;
 constexpr double kTidiesPerSecond = 5;
 constexpr absl::Duration kLeastLookInterval = absl::Milliseconds(100), kLeastTidyInterval = absl::Seconds(1);
 
 absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
-                   absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
+                   absl::StrCat("the UV of ", name, " were dropped: the server keeps results for a limited time"),
                    {{"job", name}});
 }
 
@@ -65,8 +65,8 @@ JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobCatalog* 
 }
 
 absl::Status JobManager::Recover() {
-  if (context_.store.is_shared()) return absl::OkStatus();  // leases end by themselves
-  // A server that ended in order has released what it ran. Whoever dies without that may have died of the job.
+  if (context_.store.is_shared()) return absl::OkStatus();  // leases expire by themselves
+  // A server that shut down in order has released its leases. A server that died without that may have died of the job.
   for (;;) {
     PLANISH_ASSIGN_OR_RETURN(const std::vector<JobChange> lost,
                              context_.store.Reap(context_.Verb(), runner_.owner(), kSlice));
@@ -114,7 +114,7 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
 absl::Status JobManager::Draining() const {
   if (!draining_) return absl::OkStatus();
   const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
-                                  : "an operator drains the server: it takes no new jobs for now";
+                                  : "an operator is draining the server: it takes no new jobs at the moment";
   return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), context_.options.retry_delay);
 }
 
@@ -169,7 +169,7 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
   const int most = query.with_reports ? kMaxFullPageSize : kMaxPageSize;
   const int limit = std::min(request.page_size() == 0 ? kDefaultPageSize : request.page_size(), most);
   query.limit = limit + 1;
-  // Tenants that one may not see have no jobs.
+  // A tenant whose jobs the caller may not see appears to have none.
   const bool asks_for_others = !asked_for.empty() && asked_for != tenant;
   if (asks_for_others || (!caller.rights.all_jobs && !caller.MaySee(tenant))) return JobPage();
 
@@ -286,26 +286,18 @@ ManagerStats JobManager::Stats() const {
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
   admission_.AddCalls(&tenants, &stats.refused_by_reason);
-  const absl::StatusOr<QueueState> queue = context_.store.Queue();
+  const absl::StatusOr<QueueCounts> counts = context_.store.Counts(runner_.owner());
   const absl::StatusOr<JobTotals> totals = context_.store.Totals();
-  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
-  stats.store_answered = queue.ok() && totals.ok() && jobs.ok();
-  absl::Time now;
-  if (queue.ok()) {
-    now = queue->now;
-    for (const WorkRow& work : queue->works) {
-      if (!work.running) ++stats.queued_work;
-      if (work.running) stats.all_reserved_bytes += work.memory_bytes;
-      if (!work.running || work.owner != runner_.owner()) continue;
-      ++stats.running_work;
-      stats.reserved_memory_bytes += work.memory_bytes;
-    }
+  stats.store_answered = counts.ok() && totals.ok();
+  if (counts.ok()) {
+    stats.queued_work = static_cast<int>(counts->waiting_works);
+    stats.running_work = static_cast<int>(counts->own_running_works);
+    stats.all_reserved_bytes = counts->reserved_bytes;
+    stats.reserved_memory_bytes = counts->own_reserved_bytes;
+    for (const JobCount& jobs : counts->jobs) stats.Add(jobs, counts->now, &tenants[jobs.tenant]);
   }
   if (totals.ok()) {
     for (const auto& [tenant, each] : totals->tenants) tenants[tenant].ended_kept = each.ended;
-  }
-  if (jobs.ok()) {
-    for (const JobRecord& record : *jobs) stats.Add(record.job(), now, &tenants[record.job().tenant()]);
   }
   for (auto& [name, tenant] : tenants) {
     tenant.tenant = name;
@@ -315,20 +307,19 @@ ManagerStats JobManager::Stats() const {
   return stats;
 }
 
-void ManagerStats::Add(const v1::Job& job, absl::Time now, TenantStats* tenant) {
-  if (job.state() != v1::JOB_STATE_QUEUED) {
-    ++running;
-    ++tenant->running;
+void ManagerStats::Add(const JobCount& counted, absl::Time now, TenantStats* tenant) {
+  const int jobs = static_cast<int>(counted.jobs);
+  if (counted.state != v1::JOB_STATE_QUEUED) {
+    running += jobs;
+    tenant->running += jobs;
     return;
   }
-  ++queued;
-  ++tenant->queued;
-  const v1::Priority asked = job.scheduling().priority();
-  WaitingJobs& waiting = tenant->waiting[asked == v1::PRIORITY_UNSPECIFIED ? v1::PRIORITY_NORMAL : asked];
-  ++waiting.jobs;
-  const absl::Time created =
-      absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(job.create_time()));
-  waiting.longest = std::max(waiting.longest, now - created);
+  queued += jobs;
+  tenant->queued += jobs;
+  const bool is_normal = counted.priority == v1::PRIORITY_UNSPECIFIED;
+  WaitingJobs& waiting = tenant->waiting[is_normal ? v1::PRIORITY_NORMAL : counted.priority];
+  waiting.jobs += jobs;
+  waiting.longest = std::max(waiting.longest, now - counted.first);
   oldest_wait = std::max(oldest_wait, waiting.longest);
 }
 
@@ -356,7 +347,7 @@ void JobManager::Reap() {
 
 void JobManager::Tick() {
   if (suspended_) return;
-  runner_.Tick();  // first, so that its own leases are not over
+  runner_.Tick();  // first, so that this server's own leases do not expire
   callers_.Renew();
   if (const absl::Time now = context_.options.steady_clock(); now >= next_look_) {
     next_look_ = now + context_.Pace(kLooksPerSecond, kLeastLookInterval);
@@ -415,7 +406,7 @@ void JobManager::Drain(std::function<void()> on_idle) {
 absl::Status JobManager::Undrain() {
   if (ending_ || suspended_) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "SHUTTING_DOWN",
-                     "the server is about to end: that cannot be taken back");
+                     "the server is shutting down, which cannot be undone");
   }
   draining_ = false;
   return absl::OkStatus();

@@ -1,4 +1,4 @@
-// For whoever counts what a JobManager does.
+// The interface for metrics of a JobManager.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +16,22 @@ namespace planish {
 // Where the result of a job that was just accepted comes from.
 enum class JobOrigin {
   kOwnWork,
-  kSharedWork,  // work of another job that waits or runs
-  kKeptResult,  // of a job that ended
+  kSharedWork,  // the work of another job, which waits or runs
+  kKeptResult,  // the result of a job that has ended
 };
 
-// Called in order, under the manager's lock: must be quick and must not call back.
+// Called in order, while the manager holds a lock: must be quick and must not call back.
 class JobObserver {
  public:
   virtual ~JobObserver() = default;
 
   virtual void OnAccepted(const v1::Job& job, JobOrigin origin) = 0;
 
-  // A worker answered after `duration`, whatever it said. `job` is one of those that share the work.
+  // A worker sent a result, good or bad, after `duration`. `job` is one of the jobs that share the work.
   virtual void OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult& result, absl::Duration duration) = 0;
 
-  // A worker was lost after `duration`, or ran out of the memory reserved for its work, which is queued again with more
-  // (`loss` has OUT_OF_MEMORY then); `retried` of the jobs that shared the work were queued again.
+  // A worker was lost after `duration`, or ran out of reserved memory, so that its work is queued again with more
+  // (`loss` then has OUT_OF_MEMORY). `retried`: how many of the jobs that shared the work were queued again.
   virtual void OnWorkLost(const v1::Job& job, const WorkerLoss& loss, int retried, absl::Duration duration) = 0;
 };
 

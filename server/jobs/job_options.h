@@ -1,4 +1,4 @@
-// What a server's jobs are accepted and run by, and what may change of it.
+// The settings by which a server accepts and runs jobs.
 #pragma once
 
 #include <algorithm>
@@ -24,69 +24,73 @@
 
 namespace planish {
 
-// What may change while the server runs.
+// Settings that may change while the server runs.
 struct JobLimits {
-  int queue_capacity = 64;  // jobs of a tenant that may wait beside those that run, >= 0
-  // Of each tenant: bytes of the UV of ended jobs, and how long these stay. The tenant's oldest go first; those of its
-  // last job that ended always stay.
+  int queue_capacity = 64;  // waiting jobs of a tenant, >= 0; running jobs do not count
+  // Retention of the UV of ended jobs: bytes for each tenant, and time. A tenant's oldest UV are dropped first; the UV
+  // of its last ended job are always kept.
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
-  // Likewise of ended jobs themselves: their records, reports and events. A job that goes takes its UV with it.
+  // Retention of the ended jobs themselves (records, reports and events), in the same way. A dropped job's UV are
+  // dropped too.
   std::int64_t retained_record_bytes = std::int64_t{256} << 20;
   absl::Duration retained_record_time = absl::InfiniteDuration();
-  absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
+  absl::Duration reattach_grace = absl::Seconds(10);  // how long a job waits for a caller after its last one left
 };
 
 // Where jobs may run.
 struct JobCapacity {
   int workers = 0;                                    // of all servers that share the store
   int servers = 1;                                    // that have workers
-  std::int64_t memory_bytes = std::int64_t{1} << 60;  // that one job may take: the most that any of them has
-  std::int64_t total_memory_bytes = memory_bytes;     // of all of them
+  std::int64_t memory_bytes = std::int64_t{1} << 60;  // largest memory of any of the servers: the bound for one job
+  std::int64_t total_memory_bytes = memory_bytes;     // of all servers
 };
 
 struct JobManagerOptions {
-  JobLimits limits;                                       // at first
-  int workers = 1;                                        // pieces of work that run at a time
-  int threads = 1;                                        // that a job may use
-  int short_workers = 0;                                  // of `workers`, kept for work of at most `short_time`
-  absl::Duration short_time = absl::Seconds(10);          // as it is expected
-  int queue_total = 1024;                                 // jobs that may wait, of all tenants: QueueLimits
-  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
-  // Of all servers that share the store; null: this one's `workers` and `memory_bytes`. Must be quick and thread-safe.
+  JobLimits limits;  // initial values; JobManager::SetLimits() changes them
+  int workers = 1;   // pieces of work that run concurrently
+  int threads = 1;   // most threads of a job
+  // Of `workers`, reserved for work expected to take at most `short_time`.
+  int short_workers = 0;
+  absl::Duration short_time = absl::Seconds(10);
+  int queue_total = 1024;                                 // waiting jobs of all tenants: QueueLimits
+  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // meshes of waiting jobs of all tenants
+  // Capacity of all servers that share the store; null: this server's `workers` and `memory_bytes`. Must be quick and
+  // thread-safe.
   std::function<JobCapacity()> capacity;
-  TenantLimitsSource tenant_limits;  // null: the defaults for everybody
+  TenantLimitsSource tenant_limits;  // null: the default limits for every tenant
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
-  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
+  std::int64_t max_triangles = std::int64_t{1} << 40;  // declared or decoded triangles of a mesh
+  std::int64_t memory_bytes = std::int64_t{1} << 60;   // reserved by all running jobs together
   std::size_t events_per_job = 256;                    // JobEventLog capacity
   absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
-  int max_attempts = 3;                                // that a job may lose with their worker or server, >= 1
-  absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
-  absl::Duration lease = absl::Seconds(15);            // of work that runs; renewed kRenewalsPerLease times as often
-  // Of one job's progress to the store; longer where many workers share a store; 0: at once, always.
+  int max_attempts = 3;                                // attempts of a job, each lost with its worker or server, >= 1
+  absl::Duration retry_delay = absl::Seconds(1);       // in refusals for which no better delay is known
+  // Lease of running work; renewed kRenewalsPerLease times per lease.
+  absl::Duration lease = absl::Seconds(15);
+  // Interval at which one job's progress is written; longer if many workers share the store; 0: every report at once.
   absl::Duration report_interval = absl::Milliseconds(200);
-  absl::Duration forecast_age = absl::Milliseconds(100);  // what is said of the queue may be as old
-  OptionsValidator validate_options;                      // null: everything goes
-  NeedsEstimator estimate;                                // null: jobs need nothing
-  std::function<bool(const BlobId& id)> is_blob_used;     // by somebody else; null: nobody. Must not call back
-  // Bytes that lack on the disk if so many more are to leave room for the results of accepted jobs, 0 or less: none; or
-  // why nothing new can be kept at all. And whether there is any room for results: otherwise no work begins. Null: the
-  // disk has no end.
+  absl::Duration forecast_age = absl::Milliseconds(100);  // largest age of the data behind queue estimates
+  OptionsValidator validate_options;                      // null: all options are valid
+  NeedsEstimator estimate;                                // null: jobs reserve nothing
+  std::function<bool(const BlobId& id)> is_blob_used;     // by uploads, for instance; null: never. Must not call back
+  // disk_shortage: how many bytes must be freed before `more` bytes can be stored and the results of accepted jobs
+  // still have room (0 or less: none), or why nothing new can be stored at all. has_room_for_results: if false, no work
+  // starts. Null: disk space is not limited.
   std::function<absl::StatusOr<std::int64_t>(std::int64_t more)> disk_shortage;
   std::function<bool()> has_room_for_results;
-  // Hears of every change of state that this process makes, after it was written, on any thread; of one job in order
+  // Called after every change of state that this process has written, on any thread. Calls for one job are in order,
   // unless several threads change it at the same moment. Must be quick and thread-safe.
   std::function<void(const v1::Job&)> on_transition;
-  // Hears of verbs of the store that failed and of meshes that could not be read, likewise. They are tried again by
-  // Tick().
+  // Called after a store operation failed or a mesh could not be read, on any thread. Tick() tries again.
   std::function<void(const absl::Status&)> on_store_error;
-  JobObserver* observer = nullptr;                       // may be null; outlives the manager
-  std::function<absl::Time()> steady_clock = SteadyNow;  // of how long work takes; all other times are the store's
+  JobObserver* observer = nullptr;  // may be null; outlives the manager
+  // Measures how long work takes; all other times are the store's.
+  std::function<absl::Time()> steady_clock = SteadyNow;
   std::function<std::string()> new_id = RandomId;
 };
 
-// Where jobs are, what they are handled by, and who hears of it: common to the parts of a JobManager. Thread-safe.
+// What the parts of a JobManager share: options, stores and callbacks. Thread-safe.
 class JobContext {
  public:
   // Both stores outlive the object.
@@ -110,7 +114,7 @@ class JobContext {
                                        : JobCapacity{options.workers, 1, options.memory_bytes, options.memory_bytes};
   }
 
-  // SharedPace() of this server; zero where nobody shares its store.
+  // SharedPace() of this server; zero if no other server shares the store.
   absl::Duration Pace(double per_second, absl::Duration least) const {
     return store.is_shared() ? SharedPace(Capacity().servers, per_second, least) : absl::ZeroDuration();
   }
@@ -126,10 +130,11 @@ class JobContext {
     if (options.on_store_error) options.on_store_error(status);
   }
 
-  const JobManagerOptions options;  // but for `limits`
+  const JobManagerOptions options;  // `limits` is only the initial value
   JobStore& store;
   BlobCatalog& blobs;
-  // Jobs may be due to be ended: EndOverdue(); and an attempt has ended. Set before the parts are used.
+  // on_due: some job may be overdue (JobManager::EndOverdue()). on_end: an attempt has ended. Both are set before the
+  // parts are used.
   std::function<void()> on_due, on_end;
 
  private:

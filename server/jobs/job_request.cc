@@ -21,7 +21,7 @@ constexpr std::size_t kMaxLabelValue = 256;
 constexpr int kMaxTiles = 100;
 constexpr std::size_t kVertexBytes = 3 * sizeof(float);
 constexpr std::size_t kTriangleBytes = 3 * sizeof(std::uint32_t);
-// A hundred years: time is counted in nanoseconds, of which 64 bits hold no more than three times as many.
+// A hundred years. Times are 64-bit counts of nanoseconds, which reach 292 years.
 constexpr std::int64_t kMaxDurationSeconds = std::int64_t{100} * 365 * 86'400;
 constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
 
@@ -70,8 +70,8 @@ absl::Status CheckScheduling(const v1::Scheduling& scheduling) {
   return CheckDuration("scheduling.compute_budget", scheduling.has_compute_budget(), scheduling.compute_budget());
 }
 
-// The same bytes for equal messages; protobuf promises that within one version of a program only, which is all that
-// a cache needs: another version computes anew.
+// The same bytes for equal messages. Protobuf guarantees this only within one version of a program, which suffices for
+// a cache: another version computes the result again.
 std::string Deterministic(const google::protobuf::Message& message) {
   std::string bytes;
   google::protobuf::io::StringOutputStream stream(&bytes);
@@ -136,7 +136,7 @@ v1::UnwrapOptions JobRequest::OptionsForNeeds() const {
   v1::UnwrapOptions with_tiles = options;
   if (elements.face_atlas().empty() || options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED) return with_tiles;
   const absl::StatusOr<MeshElements> decoded = DecodeMeshElements(elements, options, FaceCount());
-  if (!decoded.ok()) return with_tiles;  // ValidateJobRequest() tells
+  if (!decoded.ok()) return with_tiles;  // ValidateJobRequest() reports this
   const std::vector<std::int32_t>& face_atlas = decoded->face_atlas;
   const std::int64_t atlases = std::int64_t{1} + *std::max_element(face_atlas.begin(), face_atlas.end());
   const std::int64_t tiles = std::clamp<std::int64_t>(atlases * std::max(1, options.tiles()), 1, kMaxTiles);
@@ -178,7 +178,7 @@ std::string WorkKey(const std::string& tenant, const JobRequest& request, std::s
                     std::string_view elements_sha256) {
   v1::UnwrapOptions options = request.options;
   options.clear_threads();
-  // Lengths keep one field from running into the next.
+  // The lengths separate the fields.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
       absl::string_view(elements_sha256.data(), elements_sha256.size()), "/",

@@ -1,4 +1,4 @@
-// A caller's wish, before it is a job.
+// A caller's request for a job, before the job exists.
 #pragma once
 
 #include <cstddef>
@@ -22,21 +22,21 @@ using OptionsValidator = std::function<absl::Status(const v1::UnwrapOptions&)>;
 
 // What a job will need.
 struct JobNeeds {
-  v1::MeshSize size;              // as the mesh declares; zeros: unknown
-  std::int64_t memory_bytes = 0;  // of its worker, beyond what that holds when idle
+  v1::MeshSize size;              // as declared by the mesh; zeros: unknown
+  std::int64_t memory_bytes = 0;  // memory of its worker beyond that of an idle worker
   double run_seconds = 0;         // on one idle core, roughly
 };
 
-// Looks at the first bytes of a Draco file of `mesh_bytes`, or where they do not say at `size`. INVALID_ARGUMENT with
-// MESH_DECODE_FAILED for bytes that are no Draco file.
+// Estimates from the first bytes of a Draco file of `mesh_bytes` bytes, or from `size` if they do not tell the counts.
+// INVALID_ARGUMENT with MESH_DECODE_FAILED for bytes that are no Draco file.
 using NeedsEstimator = std::function<absl::StatusOr<JobNeeds>(std::string_view draco, std::int64_t mesh_bytes,
                                                               const v1::MeshSize& size, const v1::UnwrapOptions&)>;
 
-// What a caller's JobSpec says, and how it came.
+// The contents of a caller's JobSpec.
 struct JobRequest {
   std::string bytes;        // of the mesh: Draco, or arrays as a worker gets them (planish.worker.v1.WorkRequest)
-  BlobPtr mesh;             // in place of `bytes`: what the server has already
-  std::string mesh_sha256;  // of `mesh`; empty: not known
+  BlobPtr mesh;             // in place of `bytes`: a mesh that the server already has
+  std::string mesh_sha256;  // of `mesh`; empty: unknown
   std::optional<std::int64_t> array_vertices;  // if the mesh comes as arrays
   v1::MeshElements elements;
   v1::UnwrapOptions options;
@@ -45,44 +45,44 @@ struct JobRequest {
   std::map<std::string, std::string> labels;
   // The job belongs to its callers: it is cancelled when the last JobAttachment goes.
   bool attached = false;
-  // What is to go wrong, for tests: planish.worker.v1.WorkRequest.failpoint.
+  // The fault to inject, for tests: planish.worker.v1.WorkRequest.failpoint.
   std::string failpoint;
 
-  // The bytes of the mesh, wherever they are.
+  // The bytes of the mesh, from `mesh` or `bytes`.
   std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(bytes); }
   // The bytes of the mesh and its elements, which count towards limits.
   std::int64_t MeshBytes() const;
   // The number of triangles, if the mesh comes as arrays. For Draco data only the worker knows it.
   std::optional<std::int64_t> FaceCount() const;
-  // With as many tiles as the job's charts may be packed into at a time: for estimates.
+  // The options, with the number of tiles that the charts may be packed into concurrently: for estimates.
   v1::UnwrapOptions OptionsForNeeds() const;
 };
 
-// Of a mesh that comes as arrays of so many bytes in all.
+// The counts of a mesh that is sent as arrays of `bytes` bytes in all.
 v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices);
 
 // RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 
-// Takes the mesh, its seams and everything else out of `spec` instead of keeping them twice; an upload or a digest in
-// it is the caller's to look up. INVALID_ARGUMENT for arrays that do not come in threes (MESH_POSITION_INVALID,
-// MESH_INDEX_OUT_OF_RANGE) or have no triangle (MESH_EMPTY), naming the field.
+// Moves the mesh, its seams and everything else out of `spec`. The caller of this function looks up an upload or a
+// digest. INVALID_ARGUMENT for arrays that do not come in threes (MESH_POSITION_INVALID, MESH_INDEX_OUT_OF_RANGE) or
+// have no triangle (MESH_EMPTY), naming the field.
 absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec);
 
 // INVALID_ARGUMENT naming the field of planish.v1.JobSpec, or "request_id" (metadata "field"; reason MESH_MISSING,
-// REQUEST_INVALID, OPTIONS_INVALID of DecodeMeshElements() (server/link/mesh_elements.h), or what `validate_options` says);
-// RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
+// REQUEST_INVALID, OPTIONS_INVALID of DecodeMeshElements() (server/link/mesh_elements.h), or what `validate_options`
+// says); RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
 
-// What `validate` (may be null) says, with the field's path in planish.v1.JobSpec.
+// The result of `validate` (may be null), with the field's path in planish.v1.JobSpec.
 absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate);
 
-// The second blob of a WorkRequest; empty where nothing is said of elements.
+// The second blob of a WorkRequest; empty if the request says nothing about elements.
 std::string PackElements(const JobRequest& request);
 
-// SHA-256 of all that decides the result, options that do not (threads) left out, and of whose it is: tenants share
-// nothing.
+// SHA-256 of everything that determines the result, and of the tenant, since tenants share nothing. Options that do not
+// change the result (threads) are left out.
 std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
                     std::string_view elements_sha256);
 

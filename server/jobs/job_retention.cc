@@ -12,13 +12,13 @@
 namespace planish {
 namespace {
 
-// Blobs that somebody else stopped using are found by a look at all of them, every so often.
+// Interval between scans of all blobs, which find those that another process stopped using.
 constexpr absl::Duration kSweepInterval = absl::Minutes(10);
-// So many at a time: each takes a look into the store.
+// Blobs checked at a time: each check queries the store.
 constexpr std::size_t kSweepSlice = 64;
-// What SQLite keeps of its pages when rows go, and more.
+// More than the free pages that SQLite keeps when rows are deleted.
 constexpr std::int64_t kMostFreeBytes = std::int64_t{8} << 20;
-// Jobs that one transaction drops.
+// Jobs that one transaction deletes.
 constexpr int kForgottenAtOnce = 100;
 
 }  // namespace
@@ -62,7 +62,7 @@ absl::StatusOr<StoredBlobPtr> JobRetention::Put(const std::string& tenant, std::
   for (;;) {
     absl::StatusOr<StoredBlobPtr> blob = context_.blobs.Put(tenant, bytes, sha256);
     if (blob.ok() || ErrorInfoOf(blob.status()).reason != "STORAGE_FULL") return blob;
-    // What is new goes before what was fetched long ago.
+    // A new blob has precedence over old results.
     if (!MakeRoom(tenant, static_cast<std::int64_t>(bytes.size()))) return blob;
   }
 }
@@ -92,7 +92,7 @@ bool JobRetention::IsUsed(const BlobId& id) const {
 bool JobRetention::Collect(const BlobId& id) {
   {
     const std::lock_guard lock(mutex_);
-    if (held_.contains(id)) return true;  // whoever holds it notes it afterwards
+    if (held_.contains(id)) return true;  // its BlobHold adds it to unused_ when released
     collecting_.insert(id);
   }
   const bool done = IsUsed(id) || context_.blobs.Remove(id);
@@ -149,7 +149,7 @@ void JobRetention::NoteEnds(const std::vector<JobChange>& changes) {
     NoteUnused(change.record);
     any = true;
   }
-  // Where servers share the store, JobManager::Tidy() does it for all of them.
+  // If servers share the store, JobManager::Tidy() does this for all of them.
   if (any && !context_.store.is_shared()) Retain();
 }
 
@@ -159,7 +159,7 @@ void JobRetention::NoteLimits() {
 }
 
 void JobRetention::Retain() {
-  // Whoever is at it sees to this, too, or Tick() does.
+  // The thread that is dropping covers this too, or else the next Tick() does.
   const std::unique_lock turn(retaining_, std::try_to_lock);
   if (!turn.owns_lock()) return;
   const absl::StatusOr<absl::Time> now = context_.store.Now();
@@ -182,7 +182,7 @@ void JobRetention::Retain() {
 
 absl::StatusOr<absl::Time> JobRetention::DropOld(absl::Time now) {
   const JobLimits limits = context_.Limits();
-  // Whatever ends from now on is too old then.
+  // No job that ends from now on is too old before this time.
   absl::Time next = now + std::min(limits.retained_time, limits.retained_record_time);
   // Whether the record, the oldest of its kind, is too old.
   const auto is_old = [&](const std::optional<JobRecord>& record, absl::Duration retained_time) {
@@ -220,11 +220,12 @@ void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& total
     bytes -= (*oldest)->job().uv().total_bytes();
   }
   while (record_bytes > limits.retained_record_bytes && ended > 1) {
-    // As many as are too many if all take the same, so that hardly more go than have to.
+    // Drops as many records as exceed the limit if all have the same size, so that hardly more are dropped than
+    // necessary.
     const double share = 1 - static_cast<double>(limits.retained_record_bytes) / static_cast<double>(record_bytes);
     const double surplus = std::clamp(share * static_cast<double>(ended) / 2, 1.0, double{kForgottenAtOnce});
     const absl::StatusOr<std::vector<JobRecord>> gone = context_.store.DeleteOldest(tenant, static_cast<int>(surplus));
-    if (!gone.ok() || gone->empty()) break;  // empty: another process is at it
+    if (!gone.ok() || gone->empty()) break;  // empty: another process is deleting them
     for (const JobRecord& record : *gone) {
       NoteUnused(record);
       record_bytes -= record.kept_bytes();
@@ -254,8 +255,8 @@ absl::Status JobRetention::CheckDisk(const std::string& tenant, std::int64_t byt
   for (;;) {
     PLANISH_ASSIGN_OR_RETURN(const std::int64_t shortage, context_.options.disk_shortage(bytes));
     if (shortage <= 0) return absl::OkStatus();
-    // What others wrote on the disk is no reason to drop all results: as many as lack, and those that SQLite does not
-    // give back at once.
+    // Other programs that fill the disk must not make us drop all results: drop only as many bytes as are missing, plus
+    // the pages that SQLite does not give back at once.
     const std::int64_t kept = context_.blobs.bytes();
     if (may_go < 0) may_go = shortage <= kept ? 2 * shortage + kMostFreeBytes : 0;
     if (may_go > 0 && MakeRoom(tenant, bytes)) {
@@ -264,7 +265,7 @@ absl::Status JobRetention::CheckDisk(const std::string& tenant, std::int64_t byt
     }
     return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
                      absl::StrCat("the server's disk is nearly full: ", shortage,
-                                  " bytes lack if results of accepted jobs are to have room"),
+                                  " bytes more must be free so that results of accepted jobs have room"),
                      {{"bytes", absl::StrCat(shortage)}});
   }
 }

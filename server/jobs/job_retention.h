@@ -1,4 +1,4 @@
-// What is kept of jobs that ended, and which blobs anybody needs.
+// Retention of ended jobs, and collection of blobs that nothing refers to.
 #pragma once
 
 #include <condition_variable>
@@ -19,7 +19,7 @@ namespace planish {
 
 class JobRetention;
 
-// Keeps a blob from being collected that the store is about to refer to. Not thread-safe; must not outlive the
+// Protects a blob from collection until a record in the store refers to it. Not thread-safe; must not outlive the
 // JobRetention.
 class BlobHold {
  public:
@@ -29,7 +29,7 @@ class BlobHold {
   BlobHold& operator=(BlobHold&& other) noexcept;
   ~BlobHold() { Release(); }
 
-  // From now on the blob goes unless somebody needs it.
+  // From now on the blob may be collected if nothing refers to it.
   void Release();
 
  private:
@@ -43,42 +43,42 @@ class JobRetention {
   // `context` outlives the object.
   explicit JobRetention(JobContext* context) : context_(*context) {}
 
-  // Removes blobs that nobody needs and an earlier process left.
+  // Removes unused blobs that an earlier process left.
   void Open();
 
   BlobHold Hold(const BlobId& id);
-  // Puts a blob into the blob store, at the price of old results if need be: the tenant's own, or where it has little
-  // those of the tenant that has most. Hold it before.
+  // Puts a blob into the blob store. If it is full, evicts old results: the tenant's own, or, if it has less than its
+  // part, those of the tenant that has most. Call Hold() first.
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, const std::string& sha256);
-  // Small blobs of the tenant that wait to be committed with a record; and that they were.
+  // Pending: small blobs of the tenant that are to be committed with a record. Committed: tells that they were.
   std::vector<BlobRow> Pending(const std::string& tenant, const std::vector<std::string>& digests) const;
   void Committed(const std::vector<BlobRow>& blobs) const;
 
-  // Jobs have ended: their blobs may be unused, and there may be more records than are kept.
+  // Call it when jobs have ended: their blobs may be unused, and the limit of records may be exceeded.
   void NoteEnds(const std::vector<JobChange>& changes);
-  // Drops what was kept long enough, and what is more than tenants may keep.
+  // Drops results and records that are too old, or beyond a tenant's limits.
   void Retain();
-  // The record and its events go.
+  // Deletes the record and its events.
   absl::Status Forget(const JobRecord& record);
-  // Gives up old results so that the tenant may keep `bytes` more. False if there is nothing left to give up.
+  // Evicts old results so that the tenant may keep `bytes` more. False if there is nothing left to evict.
   bool MakeRoom(const std::string& tenant, std::int64_t bytes);
-  // Whether `bytes` more can be kept and still leave the disk's headroom; gives up old results for that, as MakeRoom(),
-  // if there are enough of them. RESOURCE_EXHAUSTED with STORAGE_FULL; UNAVAILABLE with DATA_DIRECTORY_LOST.
+  // OK if `bytes` more can be stored without using the disk's headroom. Evicts old results for that, as MakeRoom()
+  // does, if that would free enough. RESOURCE_EXHAUSTED with STORAGE_FULL; UNAVAILABLE with DATA_DIRECTORY_LOST.
   absl::Status CheckDisk(const std::string& tenant, std::int64_t bytes);
-  // Whether there is room for results of work that begins now; old results give way, as for CheckDisk().
+  // Whether there is room for the result of work that starts now. Evicts old results as CheckDisk() does.
   bool HasRoomForResults();
-  // Looks at blobs that may have become unused, and every so often at a few of all others.
+  // Collects blobs that may have become unused, and from time to time checks a few of all others.
   void CollectBlobs();
-  // Whatever is kept may be too much: the limits have changed.
+  // The limits have changed: results and records may be beyond them.
   void NoteLimits();
 
  private:
   friend class BlobHold;
 
   void Unhold(const BlobId& id);
-  // Whether the record says so now.
+  // Drops the job's UV. True if the record is now EXPIRED.
   bool Expire(const JobRecord& record);
-  // Drops UV and records that are too old; returns when the next ones will be.
+  // Drops UV and records that are too old. Returns when the next ones will be too old.
   absl::StatusOr<absl::Time> DropOld(absl::Time now);
   void RetainOf(const std::string& tenant, const TenantTotals& totals);
   void NoteUnused(const JobRecord& record);
@@ -88,17 +88,18 @@ class JobRetention {
 
   JobContext& context_;
 
-  std::mutex retaining_;  // one thread at a time; held while the store is asked, and by nobody who answers calls
+  // Lets one thread at a time drop; held while the store is asked, so calls of clients never wait for it.
+  std::mutex retaining_;
 
   std::mutex mutex_;
   std::condition_variable collected_;
   // Guarded by mutex_.
   std::map<BlobId, int> held_;
   std::set<BlobId> collecting_;
-  std::set<BlobId> unused_;                        // may be unused: to be looked at
-  std::vector<BlobId> sweep_;                      // likewise, a few at a time
-  absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs, by the steady clock
-  absl::Time next_expiry_ = absl::InfinitePast();  // no result or record is too old before, by the store's clock
+  std::set<BlobId> unused_;                        // to be checked: may be unused
+  std::vector<BlobId> sweep_;                      // to be checked too, a few at a time
+  absl::Time next_sweep_ = absl::InfinitePast();   // next check of all blobs, by the steady clock
+  absl::Time next_expiry_ = absl::InfinitePast();  // when the next result or record is too old, by the store's clock
 };
 
 }  // namespace planish

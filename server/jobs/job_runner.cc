@@ -15,26 +15,27 @@
 namespace planish {
 namespace {
 
-// How much a new measurement of the seconds factor counts, and how far off an estimate may be believed to be.
+// Weight of a new measurement in the seconds factor, and the bounds within which an estimate's error is believed.
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
-// Work that ran out of the memory reserved for it is queued again with kEnlargement times as much, kMostEnlargements
-// times at most.
+// Work that ran out of its reserved memory is queued again with kEnlargement times as much, at most kMostEnlargements
+// times.
 constexpr int kEnlargement = 2;
 constexpr int kMostEnlargements = 2;
 
-// Between two looks for work where no news came; likewise where none come, and for wishes, too.
+// Poll interval for work when notifications come in, and for work and desired states when none do.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
-// Progress that is written before its time, and of what cannot be written, the newest that is kept.
+// Pending reports of progress that are written at once, before the interval has passed. If they cannot be written, this
+// many of the newest are kept.
 constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
-// Reports of progress that all workers of a farm write together. PostgreSQL has most of its time for the jobs
-// themselves then (deploy/FARM.md, "How large").
+// Progress reports that all workers of a farm write per second. At this rate PostgreSQL still has most of its time for
+// the jobs themselves (deploy/FARM.md, "How large").
 constexpr double kReportsPerSecond = 200;
 
-// Another attempt would need as much.
+// Out of memory is not retried: another attempt would need as much.
 bool IsOutOfMemory(const WorkerLoss& loss) {
   return loss.reason == "OUT_OF_MEMORY";
 }
@@ -43,7 +44,7 @@ bool IsSameLease(const Lease& one, const Lease& other) {
   return one.work == other.work && one.attempt == other.attempt && one.owner == other.owner;
 }
 
-// Of one of the jobs that share the work.
+// The record of one of the jobs that share the work.
 const JobRecord& FirstOf(const ClaimedWork& work) {
   return work.jobs.front().record;
 }
@@ -91,7 +92,7 @@ void JobRunner::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr&
   retention_.NoteEnds(changes);
 }
 
-// ---- beginnings
+// ---- starting work
 
 Turn JobRunner::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
@@ -154,8 +155,8 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
     const absl::Time now = context_.options.steady_clock();
     for (const ClaimedWork& work : *claimed) {
       Attempt& attempt = attempts_[work.lease.work];
-      // The database forgot that this was claimed (its last moments are lost when it crashes), and gave it once more
-      // under the same lease: the worker that is at it goes on, and no other one begins.
+      // The database forgot this claim (a crash loses its last moments) and granted the work again under the same
+      // lease: the worker that has it goes on, and no other one starts.
       if (IsSameLease(attempt.work.lease, work.lease)) {
         attempt.renewed = now;
         attempt.look = true;
@@ -201,13 +202,13 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
       }
     }
     if (!status.ok()) Postpone(status);
-    // Whatever is left of it waits again.
+    // The work's remaining jobs are queued again.
     const absl::StatusOr<std::vector<JobChange>> released =
         context_.store.Release(context_.Verb(), owner_, work.lease.work);
     if (released.ok()) {
       Tell(*released);
     } else {
-      context_.TellError(released.status());  // its lease ends by itself
+      context_.TellError(released.status());  // its lease expires by itself
     }
     Forget(work.lease);
     return false;
@@ -222,7 +223,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   *request.mutable_options() = job.options();
   request.set_max_threads(context_.options.threads);
   if (record.has_array_vertices()) request.set_array_vertices(record.array_vertices());
-  // What was reserved is all there is: the jobs beside it have the rest.
+  // The job may take no more than its reservation, since the rest belongs to the other running jobs.
   request.set_expected_bytes(work.memory_bytes);
   request.set_memory_bytes(work.memory_bytes);
   request.set_max_triangles(context_.options.max_triangles);
@@ -254,7 +255,7 @@ void JobRunner::Forget(const Lease& lease) {
   if (found != attempts_.end() && found->second.work.lease.attempt == lease.attempt) attempts_.erase(found);
 }
 
-// ---- wishes and leases
+// ---- desired states and leases
 
 void JobRunner::SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) {
   const std::lock_guard lock(mutex_);
@@ -321,7 +322,7 @@ void JobRunner::Renew(const std::vector<Lease>& leases) {
     attempt->renewed = now;
     const Wish wish = (*wishes)[i];
     if (wish == Wish::kGiveUp) {
-      // Nobody wants the result any more, or somebody else is at it.
+      // Nobody wants the result any more, or another server runs the work.
       if (attempt->link != nullptr) attempt->link->Close();
       attempts_.erase(leases[i].work);
       continue;
@@ -346,7 +347,7 @@ void JobRunner::Tick() {
     const absl::Time now = context_.options.steady_clock();
     const absl::Duration renewal = context_.options.lease / kRenewalsPerLease;
     for (auto& [name, attempt] : attempts_) {
-      // A lease that is younger than half of that has its turn next time: much work is short.
+      // Leases renewed less than half an interval ago wait for the next round, since much work is short.
       if (now >= next_renewal_ && now - attempt.renewed >= renewal / 2) leases.push_back(attempt.work.lease);
       const bool due = now - attempt.reported >= interval;
       if (due && !attempt.progress.empty()) reports.push_back(name);
@@ -426,7 +427,7 @@ void JobRunner::WriteProgress(const std::string& work) {
 
 std::optional<JobRunner::Ending> JobRunner::BeginEnd(const std::string& name, int attempt) {
   std::unique_lock lock(mutex_);
-  // Progress goes first.
+  // Progress is written before the end.
   changed_.wait(lock, [&] {
     const Attempt* found = Find(name, attempt);
     return found == nullptr || !found->reporting;
@@ -480,7 +481,7 @@ absl::Status JobRunner::KeepUv(Ending* ending) {
   ending->hold = retention_.Hold({tenant, sha256});
   absl::StatusOr<StoredBlobPtr> kept = PutUv(*ending);
   if (absl::IsUnavailable(kept.status())) return kept.status();
-  ending->uv_bytes = nullptr;  // the store has them
+  ending->uv_bytes = nullptr;  // now in the store
   if (kept.ok()) {
     ending->uv = *std::move(kept);
     ending->outcome.blobs = retention_.Pending(tenant, {sha256});
@@ -507,7 +508,7 @@ void JobRunner::ReportLost(const std::string& name, int attempt, WorkerLoss loss
   bool stopped = false;
   {
     const std::lock_guard lock(mutex_);
-    stopped = stopped_ && !context_.store.is_shared();  // no other worker will try it
+    stopped = stopped_ && !context_.store.is_shared();  // no other worker could retry it
   }
   ending->outcome.loss = {loss.reason, loss.message, loss.metadata, IsOutOfMemory(loss) || stopped};
   ending->loss = std::move(loss);
@@ -527,7 +528,7 @@ void JobRunner::End(Ending ending) {
     return;
   }
   Forget(ending.work.lease);
-  if (!changes.ok()) return;  // all of its jobs have ended otherwise, or somebody else is at it
+  if (!changes.ok()) return;  // all its jobs have ended in another way, or another server runs it
   retention_.Committed(ending.outcome.blobs);
   if (!ending.loss.reason.empty() && context_.options.observer != nullptr) {
     const auto again = std::count_if(changes->begin(), changes->end(), [](const JobChange& change) {
@@ -562,7 +563,7 @@ void JobRunner::GiveBack() {
     for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
     unwritten_.clear();
   }
-  // An end that cannot be written is lost, and the job runs again.
+  // If an end cannot be written, it is lost, and the job runs again.
   for (Ending& ending : endings) End(std::move(ending));
   const absl::Status released = context_.store.Release(context_.Verb(), owner_).status();
   if (!released.ok()) context_.TellError(released);

@@ -1,4 +1,5 @@
-// What this process's workers run: claimed for those that are free, kept by renewing leases, and reported to the store.
+// Runs work on this process's workers: claims it for free workers, renews the leases, and reports progress and ends to
+// the store.
 #pragma once
 
 #include <atomic>
@@ -27,109 +28,110 @@ namespace planish {
 // Thread-safe. No lock is held while the store is asked.
 class JobRunner : public JobSource {
  public:
-  // All outlive the object. `owner`: of leases; no other process has it.
+  // All outlive the object. `owner`: the owner of this process's leases; unique to the process.
   JobRunner(JobContext* context, JobFeed* feed, JobRetention* retention, std::string owner);
 
   // ---- for WorkerPool
 
-  // Waits for work that the store gives this owner, and makes its jobs RUNNING, which is durable before it returns: an
-  // attempt that ends the machine counts. Named after one of them; attempts count 1, 2, ... for each piece of work.
-  // Where a mesh cannot be read or the start not be written for now, no work starts before the retry delay is over.
-  // Over after Stop().
+  // Waits until the store grants work to this owner. The work's jobs are RUNNING, and durably so, before it returns: an
+  // attempt that takes the machine down counts. The assignment is named after one of the jobs; attempts count 1, 2, ...
+  // for each piece of work. If a mesh cannot be read or the start cannot be written at the moment, no work starts until
+  // the retry delay has passed. Returns kOver after Stop().
   Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override;
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
   void ReportProgress(const std::string& name, int attempt, v1::Progress progress) override;
-  // Ends the jobs as the worker says, or queues the work again with a larger reservation of memory.
+  // Ends the jobs with the worker's result, or queues the work again with a larger memory reservation.
   void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) override;
-  // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
+  // Queues the work again, or ends its jobs as FAILED after the last attempt.
   void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
 
   // ---- for upkeep
 
-  // Asks what is wanted of the attempts whose wishes have changed, and tells their workers.
+  // Reads the desired state of the attempts for which it may have changed, and tells their workers.
   void ObeyWishes();
-  // Renews leases in time, writes progress that waits and ends that could not be written, and looks for work again
-  // every few seconds. Call it a few times a second.
+  // Renews leases in time, writes pending progress, retries ends that could not be written, and polls for work every
+  // few seconds. Call it a few times a second.
   void Tick();
 
   // ---- for callers
 
-  // RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at the work ended and that cannot be written for now.
+  // RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at `work` has ended and that cannot be written at the moment.
   absl::Status CheckWritten(const std::string& work, const std::string& job) const;
-  // What work takes over what was expected of it, lately.
+  // Recent ratio of actual to estimated seconds of work.
   double seconds_factor() const { return seconds_factor_; }
-  // Leases that this process has.
+  // The number of leases of this process.
   int running() const;
   const std::string& owner() const { return owner_; }
 
-  // The mesh, and the seams if there are any. NOT_FOUND or DATA_LOSS if one of them is lost.
+  // The mesh, and the seams if there are any. NOT_FOUND or DATA_LOSS if either is lost.
   absl::StatusOr<std::vector<BlobPtr>> LoadBlobs(const JobRecord& record);
-  // What a job whose LoadBlobs() failed so ends with.
+  // The error of a job whose LoadBlobs() failed with `why`.
   static absl::Status MeshLost(const absl::Status& why);
 
-  // ---- for the end
+  // ---- for the shutdown
 
   // Makes TakeNext() return; waits until nothing is being claimed.
   void Stop();
-  // Gives up all workers that are still at it.
+  // Closes the links of all workers that still have a job.
   void CloseLinks();
-  // After Stop(): writes what is to be written, gives all work back to the store, and forgets it.
+  // After Stop(): writes pending progress and ends, and releases all leases.
   void GiveBack();
 
  private:
   struct Attempt {
     ClaimedWork work;    // as claimed
     absl::Time start;    // by the steady clock
-    absl::Time renewed;  // likewise: the lease, at the latest then
+    absl::Time renewed;  // time of the last renewal of the lease, by the steady clock
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
-    Wish told = Wish::kGoOn;  // to the worker
-    bool look = false;        // the wish may have changed
+    Wish told = Wish::kGoOn;  // the state that was sent to the worker
+    bool look = false;        // the desired state in the store may have changed
     absl::Time obey_by = absl::InfiniteFuture();
     std::vector<v1::Progress> progress;  // not written yet
     absl::Time reported;                 // by the steady clock
-    bool reporting = false;              // some thread writes progress
-    bool ended = false;                  // some thread writes how it ended, or it is `unwritten`
+    bool reporting = false;              // a thread is writing progress
+    bool ended = false;                  // a thread is writing the end, or it is in unwritten_
   };
 
-  // How an attempt ended, until that is written. Its jobs are RUNNING for everybody so long.
+  // The end of an attempt, until it is written. Until then its jobs are RUNNING for everybody.
   struct Ending {
     ClaimedWork work;
     AttemptOutcome outcome;
-    BlobPtr uv_bytes;  // until they are kept; null: none
+    BlobPtr uv_bytes;  // until they are stored; null: none
     StoredBlobPtr uv;
     BlobHold hold;    // of the UV
     WorkerLoss loss;  // with AttemptOutcome::loss or memory_bytes
     absl::Duration duration;
   };
 
-  // Null if that attempt is over, or its end is being written. Requires mutex_.
+  // Null if that attempt has ended, or its end is being written. Requires mutex_.
   Attempt* Find(const std::string& name, int attempt);
-  // Claims for all that wait. Requires `lock`, which is released meanwhile.
+  // Claims work for all threads that wait. Requires `lock`, which is released meanwhile.
   void Claim(std::unique_lock<std::mutex>* lock);
-  // Fills in what a worker needs. False if it cannot have it: then the work was given back, or its jobs have failed.
+  // Fills in what a worker needs. False if that is not possible: then the work was released, or its jobs have failed.
   bool Prepare(const ClaimedWork& work, JobAssignment* assignment);
-  // No work starts for a while, because of `why`.
+  // Starts no work until the retry delay has passed, because of `why`.
   void Postpone(const absl::Status& why);
-  // The attempt is no longer this process's.
+  // Forgets the attempt: this process no longer has its lease.
   void Forget(const Lease& lease);
-  // Tells the worker what is wanted. Requires mutex_.
+  // Sends the desired state to the worker. Requires mutex_.
   void TellWish(Attempt* attempt);
   void Renew(const std::vector<Lease>& leases);
-  // Asks what is wanted where no news of that come in (JobStore::hears_others).
+  // Polls for desired states if the store sends no notifications (JobStore::hears_others).
   void LookForWishes();
-  // Between two reports of one job.
+  // Interval between two progress reports of one job.
   absl::Duration ReportInterval() const;
-  // Writes the progress that waits, unless somebody is at it.
+  // Writes the pending progress, unless another thread does.
   void WriteProgress(const std::string& work);
-  // Takes the attempt for its end, with the progress that waits; empty: it is not this process's any more.
+  // Starts the end of the attempt, with its pending progress. Empty if this process no longer has the lease.
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);
-  // Writes how it ended, and tells everybody; if that cannot be, Tick() tries again.
+  // Writes the end and tells the watchers. If that fails, Tick() tries again.
   void End(Ending ending);
-  // What to reserve for another attempt at work that ended so; 0: there is none to be.
+  // Memory to reserve for the next attempt after an end with `status`; 0 if there is no next attempt.
   std::int64_t LargerReservation(const ClaimedWork& work, const google::rpc::Status& status) const;
-  // Keeps the UV that the worker sent. UNAVAILABLE: later; whatever else is wrong is how the attempt ended.
+  // Stores the UV that the worker sent. UNAVAILABLE: try again later. Any other error becomes the outcome of the
+  // attempt.
   absl::Status KeepUv(Ending* ending);
   absl::StatusOr<StoredBlobPtr> PutUv(const Ending& ending);
   void Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& uv = nullptr);
@@ -138,22 +140,22 @@ class JobRunner : public JobSource {
   JobFeed& feed_;
   JobRetention& retention_;
   const std::string owner_;
-  ClaimPace pace_;  // of the thread that claims
+  ClaimPace pace_;  // used by the claiming thread
   std::atomic<double> seconds_factor_ = 1;
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   // Guarded by mutex_.
   std::map<std::string, Attempt> attempts_;  // by work
-  std::map<std::string, Ending> unwritten_;  // likewise: ends that could not be written
-  std::deque<ClaimedWork> ready_;            // claimed, and nobody has it yet
+  std::map<std::string, Ending> unwritten_;  // by work: ends that could not be written
+  std::deque<ClaimedWork> ready_;            // claimed, but not yet given to a worker
   int waiting_ = 0;                          // threads in TakeNext()
   bool claiming_ = false;
-  bool missed_ = false;                           // news of wishes came while work was being claimed
-  bool may_claim_ = true;                         // there may be work that nobody looked at
-  absl::Time next_start_ = absl::InfinitePast();  // by the steady clock, as what follows
+  bool missed_ = false;                           // a change of desired state was notified during a claim
+  bool may_claim_ = true;                         // there may be unclaimed work
+  absl::Time next_start_ = absl::InfinitePast();  // this and the next three by the steady clock
   absl::Time next_claim_ = absl::InfinitePast();
-  absl::Time next_look_ = absl::InfinitePast();  // for work: news may be lost
+  absl::Time next_look_ = absl::InfinitePast();  // next poll for work: notifications may be lost
   absl::Time next_renewal_ = absl::InfinitePast();
   bool stopped_ = false;
 

@@ -1,4 +1,4 @@
-// Where workers get their jobs from, and whom they tell how it goes.
+// The interface through which workers get jobs and report on them.
 #pragma once
 
 #include <memory>
@@ -16,16 +16,16 @@ namespace planish {
 
 struct JobAssignment {
   std::string name;
-  int attempt = 1;  // whatever is reported for another one is late and ignored
+  int attempt = 1;  // reports for any other attempt are late and ignored
   worker::v1::WorkRequest request;
   std::vector<BlobPtr> blobs;
 };
 
-// What comes of asking for work.
+// The result of asking for work.
 enum class Turn {
-  kWork,     // there is some
-  kNothing,  // not within the time given
-  kOver,     // there will be no more
+  kWork,     // there is work
+  kNothing,  // no work within the given time
+  kOver,     // there will be no more work
 };
 
 // What WorkerPool needs of JobRunner. Thread-safe.
@@ -33,10 +33,11 @@ class JobSource {
  public:
   virtual ~JobSource() = default;
 
-  // Waits for a job, at most for `patience`, and fills `assignment` if there is one.
+  // Waits at most `patience` for a job, and fills `assignment` if there is one.
   virtual Turn TakeNext(absl::Duration patience, JobAssignment* assignment) = 0;
 
-  // Tells who is at work, after the WorkRequest was sent: cancellations and stops go there, also those from before.
+  // Sets the link of the worker, after the WorkRequest was sent to it. Cancellations and stops go there, including
+  // those that came before this call.
   virtual void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) = 0;
 
   virtual void ReportProgress(const std::string& name, int attempt, v1::Progress progress) = 0;
@@ -44,7 +45,7 @@ class JobSource {
   virtual void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) = 0;
   virtual void ReportLost(const std::string& name, int attempt, WorkerLoss loss) = 0;
 
-  // When, by the steady clock, the worker is to be killed if the job has not ended by then: the infinite future, unless
+  // The time, by the steady clock, at which the worker is killed if the job has not ended. The infinite future unless
   // the job was cancelled or ran out of time; the infinite past if nobody wants its result any more.
   virtual absl::Time ObeyBy(const std::string& name, int attempt) = 0;
 };

@@ -24,8 +24,8 @@ namespace {
 
 constexpr char kPart[] = ".part", kDone[] = ".done";
 
-// ID-TOTAL-SHA256@TENANT.part or .done; before there were tenants, without "@TENANT". An id may have dashes. The id is
-// empty if it is no such name.
+// Parses ID-TOTAL-SHA256@TENANT.part or .done; files from before there were tenants lack "@TENANT". An id may contain
+// dashes. The id in the result is empty if the name has another form.
 UploadState ParseFileName(const std::string& file_name) {
   UploadState state;
   std::string name = file_name.substr(0, file_name.rfind('.'));
@@ -54,7 +54,7 @@ absl::Status LocalUploads::Open(const std::function<bool(const BlobId& id)>& has
   std::vector<std::string> file_names;
   while (const dirent* file = readdir(directory)) file_names.emplace_back(file->d_name);
   closedir(directory);
-  // Marks of complete uploads come first: what a crash left of the way there must go.
+  // Marks of complete uploads come first, so that a .part file that a crash left beside its mark is removed.
   std::stable_partition(file_names.begin(), file_names.end(),
                         [](const std::string& file_name) { return absl::EndsWith(file_name, kDone); });
   for (const std::string& file_name : file_names) {
@@ -107,7 +107,7 @@ absl::StatusOr<UploadPlace::Added> LocalUploads::Add(UploadState fresh, const Ad
   if (!fresh.complete) {
     const std::string path = options_.directory.empty() ? "" : PathOf(fresh, kPart);
     if (!path.empty()) {
-      // So that the upload outlives the process from the first moment on.
+      // Creates the file now, so that the upload outlives the process from the first moment on.
       const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
       if (file.get() < 0) return WriteError(errno, "cannot begin an upload");
     }
@@ -134,7 +134,8 @@ absl::StatusOr<std::vector<UploadState>> LocalUploads::List() {
 
 absl::StatusOr<bool> LocalUploads::Uses(const BlobId& id) {
   const std::lock_guard lock(mutex_);
-  return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.state.Blob() == id; });
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [&](const auto& each) { return each.second.state.Blob() == id; });
 }
 
 absl::StatusOr<bool> LocalUploads::Change(const std::string& id, const ChangeState& change, const UploadPiece*) {
@@ -185,8 +186,8 @@ absl::Status LocalUploads::Finish(const UploadState& state, const UploadPiece&, 
   PLANISH_ASSIGN_OR_RETURN(const std::string digest, file->Digest());
   if (digest != state.sha256) return UploadDigestMismatch(state, digest);
   if (!file->path().empty()) {
-    // The mark comes first: after the file has become the blob nothing may fail any more. A mark whose blob is missing
-    // goes at the next start.
+    // The mark is written first, since nothing may fail after the file has become the blob. A mark without a blob is
+    // removed at the next start.
     PLANISH_RETURN_IF_ERROR(MarkComplete(state));
     return blobs->PutFile(state.Blob(), file->path());
   }

@@ -11,13 +11,13 @@ namespace {
 constexpr std::size_t kNumberBytes = 8;
 constexpr std::size_t kSealBytes = 16;
 
-// A keyed hash of the list and the number: only who knows the store's id can make it.
+// A keyed hash of the list and the number: making it requires the store's id.
 std::string Seal(const PageList& list, std::int64_t number) {
   const std::string text = absl::StrCat("page of ", list.tenant, ":", number, ":", list.filter);
   return Sha256(absl::StrCat(list.store, Sha256(absl::StrCat(list.store, text)))).substr(0, kSealBytes);
 }
 
-// The number's bytes, hidden or shown by a stream that the seal makes different for each number.
+// Encrypts or decrypts the number's bytes with a key stream that depends on the seal, and so on the number.
 std::string Mask(const PageList& list, const std::string& seal, std::string number) {
   const std::string stream = Sha256(absl::StrCat(list.store, "number", seal));
   for (std::size_t i = 0; i < kNumberBytes; ++i) number[i] = static_cast<char>(number[i] ^ stream[i]);
@@ -45,7 +45,7 @@ absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const Pag
     if (Seal(list, static_cast<std::int64_t>(number)) == seal) return static_cast<std::int64_t>(number);
   }
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
-                   "page_token is none of this server's, or belongs to a list with another filter",
+                   "page_token was not made by this server, or belongs to a list with another filter",
                    {{"field", "page_token"}});
 }
 

@@ -1,4 +1,4 @@
-// Where the next page of a list begins, as a string that callers do not look into.
+// Page tokens: the start of the next page of a list, as an opaque string.
 #pragma once
 
 #include <cstdint>
@@ -8,15 +8,16 @@
 
 namespace planish {
 
-// What a page is part of.
+// The list that a page belongs to.
 struct PageList {
   std::string
-      store;  // JobStore::id(): job numbers start anew with each. A secret, which nobody else can make tokens without
+      store;  // JobStore::id(), since each store numbers its jobs from 1. It is secret, so nobody else can make tokens
   std::string tenant;  // whose jobs are listed; empty: all tenants'
   std::string filter;  // as the caller wrote it
 };
 
-// Says nothing to those who do not know the store's id: job numbers count the jobs of all tenants.
+// The token reveals nothing to callers, who do not know the store's id. It must not: job numbers count the jobs of all
+// tenants.
 std::string EncodePageToken(const PageList& list, std::int64_t before_number);
 
 // The job number before which the page begins; 0 for an empty token. INVALID_ARGUMENT if `token` was made by another

@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// Work that runs longer than expected will do so for a while: this part of what was expected.
+// Work that has run longer than expected is assumed to need this part of its expected time again.
 constexpr double kLastPart = 0.1;
 
 constexpr double kNanosecond = 1e-9;
@@ -140,7 +140,7 @@ std::optional<double> QueueForecast::SecondsUntilRoom(const std::string& tenant,
   if (why == Room::kServerFull || found == tenants_.end() || found->second.waiting.empty()) {
     return UntilNextEnd(nullptr);
   }
-  // A place gets free when the first of its own is claimed.
+  // A place in the tenant's queue becomes free when its first waiting work is claimed.
   const Tenant& own = found->second;
   if (!MayRunMore(own.limits, static_cast<std::int64_t>(own.running.size()))) return UntilNextEnd(&own);
   const WorkRow& head = *own.waiting.front();

@@ -1,4 +1,4 @@
-// What is to come of what waits now: places in the queue, and when there will be a turn or room.
+// A forecast of the queue: positions of waiting work, and when work will be claimed or room will be free.
 #pragma once
 
 #include <list>
@@ -13,30 +13,31 @@
 
 namespace planish {
 
-// Of one moment, and what was added to it. Assumes that nobody else comes, that work takes as long as expected, and,
-// for places, that limits of running work are not met. Not thread-safe; all functions are linear in the queue's length.
+// A snapshot of the queue, and what was added to it. Assumes that no other work arrives, that work takes as long as
+// expected, and, for positions, that no tenant reaches its limit of running work. Not thread-safe; all functions are
+// linear in the queue's length.
 class QueueForecast {
  public:
-  // `limits` null: the defaults for everybody. `workers` of all that run work. `factor`: what work takes over what was
-  // expected of it, lately; > 0.
+  // `limits` null: the default limits for every tenant. `workers`: those of all servers that run work. `factor`: recent
+  // ratio of actual to estimated seconds, > 0.
   QueueForecast(QueueState state, const TenantLimitsSource& limits, int workers, double factor);
 
   QueueForecast(QueueForecast&&) = default;
   QueueForecast& operator=(QueueForecast&&) = default;
 
-  // As they were, without what was added.
+  // The accounts of the snapshot, without added work.
   const FairAccounts& accounts() const { return state_.accounts; }
 
-  // Counts work that has come since. No effect if it is known.
+  // Adds work that arrived since the snapshot. No effect if it is already known.
   void Add(const WorkRow& work);
 
   // Pieces of work that will be claimed before `work`; 0 if it does not wait.
   int Position(const std::string& work) const;
 
-  // Seconds until work of this tenant would be claimed that is added now; roughly.
+  // Roughly the seconds until work would be claimed that this tenant adds now.
   double SecondsUntilTurn(const std::string& tenant) const;
 
-  // Seconds until there may be room again for a tenant for which there is none; empty: not known.
+  // Seconds until a tenant without room may have room again; empty if unknown.
   std::optional<double> SecondsUntilRoom(const std::string& tenant, Room why) const;
 
  private:
@@ -44,12 +45,12 @@ class QueueForecast {
     TenantAccount account;
     TenantLimits limits;
     double share = 1;
-    double start = 0;                     // seconds; what is added next begins so
-    std::vector<const WorkRow*> waiting;  // in their order
+    double start = 0;                     // virtual start time of the work that is added next, in seconds
+    std::vector<const WorkRow*> waiting;  // in the order in which it will be claimed
     std::vector<const WorkRow*> running;
   };
 
-  // When work is claimed: as Claim() decides.
+  // The key by which Claim() orders work.
   struct Turn {
     double start = 0;
     std::int64_t time = 0;
@@ -67,18 +68,18 @@ class QueueForecast {
   double Expected(const WorkRow& work) const;
   double Charge(const WorkRow& work, double share) const;
   double Remaining(const WorkRow& work) const;
-  // The least of the work that runs; of one tenant's, if it is not null.
+  // Remaining seconds of the running work that ends first; of one tenant's work if `tenant` is not null.
   std::optional<double> UntilNextEnd(const Tenant* tenant) const;
-  // What is claimed before `turn` of the other tenants' work.
+  // Work of other tenants that is claimed before `turn`.
   Ahead AheadOf(const Turn& turn, const std::string& except) const;
 
   QueueState state_;
   std::list<WorkRow> added_;
-  std::unordered_set<std::string> names_;  // of the work in both
+  std::unordered_set<std::string> names_;  // of the work in state_ and added_
   TenantLimitsSource limits_;
   int workers_ = 1;
   double factor_ = 1;
-  std::map<std::string, Tenant> tenants_;  // that have work, which is in state_ or added_
+  std::map<std::string, Tenant> tenants_;  // tenants with work in state_ or added_
   Tenant nobody_;
   int running_ = 0;
 };

@@ -6,7 +6,7 @@
 
 namespace planish {
 
-// The time of a clock that nobody sets, from an arbitrary beginning: for how long something takes in this process.
+// The time of a steady clock with an arbitrary start, to measure durations within this process.
 inline absl::Time SteadyNow() {
   return absl::UnixEpoch() + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
 }

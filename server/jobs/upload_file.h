@@ -1,4 +1,4 @@
-// The bytes of one upload that have come so far.
+// The bytes of one upload that have arrived so far.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@
 
 namespace planish {
 
-// A file that is there from the beginning, or memory without a name. Not thread-safe.
+// A file that exists from the start, or anonymous memory. Not thread-safe.
 class UploadFile {
  public:
-  // The file at `path`, with `size` bytes that an earlier process wrote; empty: memory.
+  // The file at `path`, with `size` bytes that an earlier process wrote. Memory if `path` is empty.
   explicit UploadFile(std::string path, std::int64_t size = 0) : path_(std::move(path)), size_(size) {}
 
   std::int64_t size() const { return size_; }
@@ -25,33 +25,34 @@ class UploadFile {
   // Adds all of `bytes` or, after an error, none of them. RESOURCE_EXHAUSTED with STORAGE_FULL.
   absl::Status Append(std::string_view bytes);
 
-  // Takes the bytes of the last Append() back.
+  // Undoes the last Append().
   absl::Status UndoAppend();
 
-  // SHA-256 of all bytes. Takes long only where an earlier process wrote some of them, which are read again once.
+  // SHA-256 of all bytes. Takes long only if an earlier process wrote some of the bytes, which are then read again
+  // once.
   absl::StatusOr<std::string> Digest();
 
   // All bytes; valid as long as the result is held, and nothing may be appended meanwhile.
   absl::StatusOr<BlobPtr> Map();
 
-  // Gives back the descriptor of a named file until it is needed again.
+  // Closes the descriptor of a named file until it is needed again.
   void Rest();
 
  private:
   absl::Status EnsureOpen();
   absl::Status CutTo(std::int64_t size);
-  // Brings hash_ up to size_.
+  // Hashes the bytes from hashed_ to size_.
   absl::Status HashTheRest();
 
   const std::string path_;
   std::int64_t size_;
   Descriptor file_;
-  RunningSha256 hash_, hash_before_;  // now, and before the last Append()
+  RunningSha256 hash_, hash_before_;  // of the bytes now, and before the last Append()
   std::int64_t hashed_ = 0;           // bytes that went into hash_
   std::int64_t size_before_ = 0;
 };
 
-// The error for `error_number` of a call that was to write: STORAGE_FULL where there is no room, INTERNAL otherwise.
+// The error for `error_number` of a failed write: STORAGE_FULL if there is no room, INTERNAL otherwise.
 absl::Status WriteError(int error_number, const std::string& what);
 
 }  // namespace planish

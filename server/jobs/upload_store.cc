@@ -18,7 +18,7 @@ namespace planish {
 namespace {
 
 constexpr std::size_t kMaxUploadRequestId = 128;
-// Of the SHA-256 that a request id becomes: too many to meet another one by accident.
+// Bytes of the SHA-256 of a request id that are used: enough to exclude accidental collisions.
 constexpr std::size_t kRequestIdBytes = 16;
 
 constexpr std::string_view kUploads = "uploads/";
@@ -36,12 +36,12 @@ bool IsStorageFull(const absl::Status& status) {
   return ErrorInfoOf(status).reason == "STORAGE_FULL";
 }
 
-// What may go well a moment later: no room, no descriptors, no memory, a store that is away.
+// Transient errors: no room, no descriptors, no memory, an unreachable store.
 bool MayPass(const absl::Status& status) {
   return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
 }
 
-// Empty if the name is no upload's.
+// Empty if this is not the name of an upload.
 std::string IdOf(const std::string& name) {
   return name.starts_with(kUploads) ? name.substr(kUploads.size()) : "";
 }
@@ -109,8 +109,8 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
     if (!known.ok()) return Later(known.status());
     if (known->has_value()) return Known(**known, request);
   }
-  // Whoever holds a blob keeps it from being collected until the upload stands for it. One of an earlier process may be
-  // damaged: then it is asked for again.
+  // Holding the blob keeps it from being collected until the upload refers to it. A blob of an earlier process may be
+  // damaged; then the bytes are asked for again.
   StoredBlobPtr held;
   if (blobs_->Has(fresh.Blob())) held = blobs_->Find(fresh.Blob()).value_or(nullptr);
   fresh.complete = held != nullptr;
@@ -141,7 +141,7 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
   }
 }
 
-// A request id makes the id, so that the two belong together for as long as the upload exists, restarts included.
+// The id is derived from the request id, so the two belong together as long as the upload exists, across restarts too.
 std::string UploadStore::NewId(const Caller& caller, const std::string& request_id) const {
   if (request_id.empty()) return options_.new_id();
   return absl::BytesToHexString(Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes));
@@ -160,7 +160,7 @@ absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1
     return absl::OkStatus();
   });
   if (!is_there.ok()) return Later(is_there.status());
-  // Somebody deleted it just now: the caller's next attempt makes another one.
+  // It was deleted just now: the caller's next attempt makes another one.
   if (!*is_there) return Busy(name);
   return ToProto(used);
 }
@@ -259,7 +259,7 @@ absl::StatusOr<UploadWriter> UploadStore::Write(const Caller& caller, const std:
   const absl::StatusOr<bool> is_there =
       place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
         if (state->tenant != caller.tenant) return UploadNotFound(name);
-        // A connection may be lost long before this side notices; its client must not wait for that.
+        // A lost connection may go unnoticed for long; its client must not have to wait for that.
         const bool gives_way = !state->appending && now - state->used >= options_.writer_limit;
         if (state->writer != 0 && !gives_way) return Busy(name);
         token = state->writer = ++state->last_writer;
@@ -311,7 +311,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
       },
       piece.ok() ? &*piece : nullptr);
   if (!is_there.ok()) {
-    // Another writer took over, or the place is away: the piece does not count.
+    // Another writer took over, or the place is unreachable: the piece does not count.
     const bool is_fenced = absl::IsAborted(is_there.status()) && !place_->knows_writers();
     if (piece.ok() && is_fenced) place_->Undo(before, *piece).IgnoreError();
     return Later(is_there.status());
@@ -322,7 +322,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   }
   if (MayPass(status)) return Later(status);
   if (!status.ok()) {
-    // Wrong bytes void the upload, and so does a file of which nobody knows what is in it.
+    // Wrong bytes void the upload, and so does a file whose contents are unknown.
     const bool is_void = absl::IsInvalidArgument(status) || (place_->knows_writers() && !is_lost);
     if (is_void) PLANISH_RETURN_IF_ERROR(place_->Erase(before, /*if_unused=*/false));
     return status;
@@ -343,13 +343,13 @@ absl::StatusOr<UploadPiece> UploadStore::TakeIn(const UploadState& state, std::s
     status = place_->Finish(state, piece, blobs_);
   } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(state.tenant, state.total_bytes));
   if (status.ok()) return piece;
-  // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
+  // The mesh cannot be stored yet: the last piece must be sent again, when there may be room.
   PLANISH_RETURN_IF_ERROR(place_->Undo(state, piece));
   return status;
 }
 
 void UploadStore::Release(const UploadWriter& writer) {
-  // A place that is away takes the writer for silent some seconds later.
+  // An unreachable place will find that the writer was silent, some seconds later.
   place_
       ->Change(writer.id_,
                [&](UploadState* state, absl::Time) {
@@ -378,7 +378,7 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::s
   if (!*is_there) return UploadNotFound(name);
   absl::StatusOr<BlobPtr> blob = blobs_->Load(used.Blob());
   if (IsLost(blob.status())) {
-    // The store lost the bytes or found them damaged: whoever has them sends them again.
+    // The store lost the bytes or found them damaged: the caller sends them again.
     PLANISH_RETURN_IF_ERROR(Later(place_->Erase(used, /*if_unused=*/false)));
     return UploadNotFound(name);
   }
@@ -465,7 +465,7 @@ v1::Upload UploadStore::ToProto(const UploadState& state) const {
   return upload;
 }
 
-// Tells the caller when to come back if the error may have passed by then.
+// Adds a retry delay if the error is transient.
 absl::Status UploadStore::Later(absl::Status status) const {
   return MayPass(status) ? WithRetryDelay(std::move(status), options_.retry_delay) : status;
 }

@@ -18,7 +18,7 @@ namespace {
 using worker::v1::FromWorker;
 using Wait = WorkerLink::Wait;
 
-// Goes on at one second a second whatever is done to the clock of the machine.
+// Not affected by changes of the machine's clock.
 class Stopwatch {
  public:
   void Restart() { start_ = std::chrono::steady_clock::now(); }
@@ -60,7 +60,7 @@ const char* NameOf(WorkerEndCause cause) {
   return "";
 }
 
-// One thread's place for a worker.
+// One thread's worker, and the job it has.
 class WorkerPool::Seat {
  public:
   explicit Seat(WorkerPool* pool) : pool_(*pool), options_(pool->options_), source_(*pool->source_) {}
@@ -87,8 +87,7 @@ class WorkerPool::Seat {
     return source_.ObeyBy(assignment.name, assignment.attempt) > options_.steady_clock();
   }
 
-  // Sees to it that there is a worker that is ready. False if the pool ends before one could be started, or if nobody
-  // wants `job` (may be null) any more.
+  // Makes sure that a worker is ready. False if the pool ends first, or if nobody wants `job` (may be null) any more.
   bool Fill(const JobAssignment* job) {
     absl::Duration retry = options_.retry_min;
     for (int failed = 1; link_ == nullptr; ++failed) {
@@ -112,13 +111,13 @@ class WorkerPool::Seat {
     switch ((*link)->Receive(absl::Now() + limit, &received)) {
       case Wait::kTimeout:
         (*link)->Close();
-        return InternalError("a worker that was started did not get ready: " + (*link)->HowEnded().message);
+        return InternalError("a started worker did not become ready: " + (*link)->HowEnded().message);
       case Wait::kClosed:
-        return InternalError("a worker ended as soon as it was started: " + (*link)->HowEnded().message);
+        return InternalError("a worker ended right after its start: " + (*link)->HowEnded().message);
       case Wait::kMessage:
         break;
     }
-    if (!received.message.has_idle()) return InternalError("a worker spoke out of turn when it was started");
+    if (!received.message.has_idle()) return InternalError("a started worker sent another message before it was idle");
     pool_.any_ready_ = true;
     link_ = *std::move(link);
     jobs_ = 0;
@@ -132,7 +131,7 @@ class WorkerPool::Seat {
   void End(WorkerEndCause cause, WorkerLoss loss, const std::string& job) {
     if (link_ == nullptr) return;
     link_->Close();
-    link_->HowEnded();  // its process is gone, whoever else holds the link
+    link_->HowEnded();  // waits until its process is gone, even if others hold the link
     link_ = nullptr;
     if (!options_.on_worker_end) return;
     WorkerEnd end;
@@ -190,7 +189,7 @@ class WorkerPool::Seat {
         return Finish(job, std::move(*message.mutable_result()), std::move(received.blob));
       } else {
         return Lose(job, WorkerEndCause::kCrashed,
-                    {"INTERNAL", "the worker broke the protocol: it said it was idle in the middle of a job", {}});
+                    {"INTERNAL", "the worker broke the protocol: it reported that it was idle during a job", {}});
       }
     }
   }
@@ -210,7 +209,7 @@ class WorkerPool::Seat {
     return std::max(left, absl::ZeroDuration());
   }
 
-  // Kills the worker if one of its limits has passed; true then.
+  // Kills the worker and returns true if one of its limits has passed.
   bool IsOverdue(const JobAssignment& job) {
     if (IsDecoding() && since_stage_.Elapsed() >= decode_limit_) {
       Lose(job, WorkerEndCause::kHung, Hung("the mesh took too long to decode", stage_, since_stage_.Elapsed()));
@@ -227,10 +226,10 @@ class WorkerPool::Seat {
     return true;
   }
 
-  // The worker ends first, so that whoever hears of the loss finds it gone.
+  // The worker is ended first, so that it is gone when the loss is reported.
   void Lose(const JobAssignment& job, WorkerEndCause cause, WorkerLoss loss) {
-    // Let go of here, not by the source, which may hold a lock: the end of a worker that is a thread must be waited
-    // for.
+    // Released here, not by the source, which may hold a lock: the release waits for the end of a worker that is a
+    // thread.
     const std::shared_ptr<WorkerLink> link = link_;
     End(cause, loss, job.name);
     source_.ReportLost(job.name, job.attempt, std::move(loss));
@@ -242,14 +241,14 @@ class WorkerPool::Seat {
                   {"INTERNAL", "the worker broke the protocol: it sent UV of more triangles than it may take", {}});
     }
     ++jobs_;
-    // What an allocator is like after it was refused memory, nobody knows.
+    // The state of an allocator that was refused memory is unknown, so the worker is replaced.
     const bool ran_out = result.status().code() == static_cast<int>(absl::StatusCode::kResourceExhausted);
     source_.ReportResult(job.name, job.attempt, std::move(result), std::move(uv));
     WorkerLink::Received received;
     switch (link_->Receive(absl::Now() + options_.start_limit, &received)) {
       case Wait::kTimeout:
         return End(WorkerEndCause::kHung,
-                   Hung("it did not get ready again", v1::STAGE_UNSPECIFIED, options_.start_limit), "");
+                   Hung("it did not become ready again", v1::STAGE_UNSPECIFIED, options_.start_limit), "");
       case Wait::kClosed:
         return End(WorkerEndCause::kCrashed, link_->HowEnded(), "");
       case Wait::kMessage:
@@ -268,11 +267,11 @@ class WorkerPool::Seat {
   JobSource& source_;
 
   std::shared_ptr<WorkerLink> link_;  // null, or a worker that is ready or has a job
-  int jobs_ = 0;                      // that it served
-  std::string traceparent_;           // of the last one
+  int jobs_ = 0;                      // jobs it served
+  std::string traceparent_;           // of its last job
   Stopwatch since_ready_;
 
-  // Of the job under way.
+  // State of the running job.
   v1::Stage stage_ = v1::STAGE_UNSPECIFIED;
   Stopwatch since_start_, since_stage_, since_message_;
   absl::Duration decode_limit_;
@@ -305,7 +304,7 @@ void WorkerPool::NoteFailedStart(const absl::Status& status, int failed) {
 }
 
 absl::Duration WorkerPool::FirstTimeLeft() const {
-  // Once it was told, a start takes as long as ever.
+  // After on_none_ready was called, starts have no limit.
   if (told_ || options_.on_none_ready == nullptr) return absl::InfiniteDuration();
   const absl::Duration since = absl::FromChrono(std::chrono::steady_clock::now() - began_);
   return std::max(options_.first_limit - since, absl::ZeroDuration());

@@ -35,7 +35,7 @@ absl::StatusOr<BlobPtr> Blob::Copy(std::string_view bytes) {
 }
 
 absl::StatusOr<BlobPtr> Blob::Map(Descriptor file) {
-  // Not fstat(): a worker's sandbox does not know it, since the C library asks by name.
+  // Not fstat(), which the C library implements by a call that a worker's sandbox refuses.
   const off_t end = lseek(file.get(), 0, SEEK_END);
   if (end < 0) return Failed("cannot tell the size of bytes");
   const auto size = static_cast<std::size_t>(end);
@@ -67,7 +67,8 @@ absl::StatusOr<BlobWriter> BlobWriter::Make(std::size_t size) {
   Descriptor memory(memfd_create("planish-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (memory.get() < 0) return Failed("memfd_create");
   if (size == 0) return BlobWriter(std::move(memory), nullptr, 0);
-  // Reserved now, when it can be refused: a page that is missing when it is written to would be a signal.
+  // Memory is reserved now, while that can fail cleanly: a page that is missing when it is written to would cause a
+  // signal.
   if (fallocate(memory.get(), 0, 0, static_cast<off_t>(size)) != 0) return Failed("no memory for shared bytes");
   void* const data = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0);
   if (data == MAP_FAILED) return Failed("cannot map shared bytes");
@@ -89,7 +90,7 @@ void BlobWriter::Unmap() {
 }
 
 absl::StatusOr<BlobPtr> BlobWriter::Finish() {
-  Unmap();  // memory that somebody could write to cannot be sealed
+  Unmap();  // memory that is mapped for writing cannot be sealed
   if (fcntl(memory_.get(), F_ADD_SEALS, kAllSeals) != 0) return Failed("cannot seal memory");
   return Blob::Map(std::move(memory_));
 }

@@ -1,4 +1,4 @@
-// Large immutable bytes that pass between threads and processes as a descriptor, never as a copy.
+// Large immutable byte arrays that are passed between threads and processes as descriptors, without copying.
 #pragma once
 
 #include <cstddef>
@@ -18,14 +18,14 @@ using BlobPtr = std::shared_ptr<const Blob>;
 // Thread-safe: nothing changes after construction.
 class Blob {
  public:
-  // `bytes` in memory that no file system sees, sealed against any change. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
+  // Copies `bytes` into anonymous memory that is sealed against changes. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
   static absl::StatusOr<BlobPtr> Copy(std::string_view bytes);
 
-  // The bytes behind `file`, which nobody may change from now on: a file of ours.
+  // Maps `file`, one of our own files, which nobody may change from now on.
   static absl::StatusOr<BlobPtr> Map(Descriptor file);
 
-  // The bytes behind `memory`, which came from a process that is not trusted. INVALID_ARGUMENT unless it is memory
-  // sealed against any change, so that reading it can neither fail nor see it change.
+  // Maps `memory`, which came from a process that is not trusted. INVALID_ARGUMENT unless it is memory that is sealed
+  // against changes, so that reading can neither fail nor see the bytes change.
   static absl::StatusOr<BlobPtr> MapSealed(Descriptor memory);
 
   ~Blob();
@@ -33,9 +33,9 @@ class Blob {
   Blob& operator=(const Blob&) = delete;
 
   std::string_view bytes() const { return {data_, size_}; }
-  // Until they are read again the bytes take no memory of this process.
+  // Releases this process's pages of the bytes until they are read again.
   void DropPages() const;
-  // For handing over; stays ours.
+  // For passing to another process. The blob keeps ownership.
   int descriptor() const { return descriptor_.get(); }
 
  private:
@@ -49,10 +49,10 @@ class Blob {
   const std::size_t size_;
 };
 
-// Bytes that are written in their place, before they become a Blob. Not thread-safe.
+// Bytes that are written in place before they become a Blob. Not thread-safe.
 class BlobWriter {
  public:
-  // `size` zeros, for which there is memory. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
+  // `size` zeros, with their memory reserved. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
   static absl::StatusOr<BlobWriter> Make(std::size_t size);
   BlobWriter(BlobWriter&& other) noexcept;
   BlobWriter& operator=(BlobWriter&&) = delete;
@@ -61,7 +61,7 @@ class BlobWriter {
   char* data() { return data_; }
   std::size_t size() const { return size_; }
 
-  // What was written, sealed against any change; nothing can be written afterwards. Once.
+  // The written bytes, sealed against changes. Nothing can be written afterwards. Call it once.
   absl::StatusOr<BlobPtr> Finish();
 
  private:

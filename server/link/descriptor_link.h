@@ -8,11 +8,11 @@
 
 namespace planish {
 
-// Over `socket`, whose other end belongs to StartProcessWorker(). A message from there that is not as it should be
-// closes the link.
+// Over `socket`, whose other end belongs to StartProcessWorker(). A malformed message from there closes the link.
 absl::StatusOr<std::unique_ptr<ServerLink>> ConnectToServer(Descriptor socket);
 
-// A message as the bytes of a whole frame, for a worker that can no longer allocate any when it has to send it.
+// A message as the bytes of a whole frame: prepared in advance by a worker that may be unable to allocate memory when
+// it has to send it.
 std::string ToFrame(const worker::v1::FromWorker& message);
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// google.protobuf.Duration from and to what the rest of the server counts in.
+// Conversions of google.protobuf.Duration.
 #pragma once
 
 #include "absl/time/time.h"
@@ -6,7 +6,7 @@
 
 namespace planish {
 
-// To the nanosecond; what a Duration cannot hold becomes the nearest it can.
+// Exact to the nanosecond. A time out of Duration's range becomes the nearest value in range.
 google::protobuf::Duration ToDuration(absl::Duration time);
 inline google::protobuf::Duration ToDuration(double seconds) {
   return ToDuration(absl::Seconds(seconds));

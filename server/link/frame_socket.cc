@@ -20,7 +20,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Room for what the kernel wraps around kMaxFrameDescriptors descriptors.
+// Room for kMaxFrameDescriptors descriptors and the kernel's header.
 struct ControlBuffer {
   alignas(cmsghdr) char bytes[CMSG_SPACE(kMaxFrameDescriptors * sizeof(int))];
 };
@@ -91,7 +91,7 @@ void FrameSocket::Flush() {
     const ssize_t count = sendmsg(socket_.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
-    if (count < 0) return Drop();  // nobody is there; what came from them can still be read
+    if (count < 0) return Drop();  // the other end is gone; what it sent can still be read
     next.sent += static_cast<std::size_t>(count);
     unsent_bytes_ -= static_cast<std::size_t>(count);
     if (next.sent == next.bytes.size()) outbox_.pop_front();
@@ -111,7 +111,7 @@ bool FrameSocket::HasUnsent() {
 }
 
 FrameSocket::Wait FrameSocket::Receive(absl::Time deadline, Frame* frame) {
-  // A clock that is set while this waits changes nothing.
+  // Waits by the steady clock, so that setting the clock changes nothing.
   const bool forever = deadline == absl::InfiniteFuture();
   const absl::Duration wait = forever ? absl::ZeroDuration() : deadline - absl::Now();
   const auto until =
@@ -144,7 +144,7 @@ FrameSocket::Read FrameSocket::TryRead(Frame* frame) {
     if (read != Read::kFrame) return read;
   }
   while (partial_.bytes.size() < body_size_) {
-    // Grown as bytes come, not as they are announced.
+    // Memory grows as bytes arrive, not by the announced size.
     char buffer[64 * 1024];
     const std::size_t wanted = std::min(sizeof(buffer), body_size_ - partial_.bytes.size());
     const ssize_t count = recv(socket_.get(), buffer, wanted, MSG_DONTWAIT);
@@ -202,7 +202,7 @@ FrameSocket::Read FrameSocket::TakeDescriptors(msghdr* message) {
   return Read::kFrame;
 }
 
-// A message of which only a part has come goes with its sender.
+// Ends the connection. A partially received message is dropped.
 FrameSocket::Read FrameSocket::End() {
   ended_ = true;
   partial_ = Frame();

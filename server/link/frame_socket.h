@@ -1,8 +1,8 @@
-// Messages with descriptors over a connected Unix socket: what both ends of a process link are made of.
+// Messages with descriptors over a connected Unix socket. Both ends of a process link use it.
 //
-// A frame is its header, two uint32 in the byte order of the machine (bytes that follow, descriptors that come with the
-// header), and the bytes. The other end is not trusted: whatever is not such a frame within the limits ends the
-// connection.
+// A frame is a header of two uint32 in the machine's byte order (the number of bytes that follow, the number of
+// descriptors that come with the header), and the bytes. The other end is not trusted: a malformed frame, or one beyond
+// the limits, ends the connection.
 #pragma once
 
 #include <sys/socket.h>
@@ -28,7 +28,7 @@ struct Frame {
   std::vector<Descriptor> descriptors;
 };
 
-// Of what is received.
+// Limits of received frames.
 struct FrameLimits {
   std::size_t bytes = std::size_t{16} << 20;
   std::size_t descriptors = 2;  // at most kMaxFrameDescriptors
@@ -45,23 +45,24 @@ class FrameSocket {
   FrameSocket(const FrameSocket&) = delete;
   FrameSocket& operator=(const FrameSocket&) = delete;
 
-  // Never waits for the other end: what the socket does not take is sent by a thread that is, or comes, in Receive().
-  // More than kMaxUnsentBytes that wait end the connection. Dropped once the connection has ended. Thread-safe.
+  // Never waits for the other end: bytes that the socket does not take at once are sent by the thread in Receive().
+  // More than kMaxUnsentBytes of them end the connection. After its end, messages are dropped. Thread-safe.
   void Send(std::string_view bytes, std::vector<BlobPtr> blobs);
   static constexpr std::size_t kMaxUnsentBytes = std::size_t{64} << 20;
 
-  // Waits until `deadline`. One thread at a time. After kClosed always kClosed.
+  // Waits until `deadline`. One thread at a time. After kClosed it always returns kClosed.
   Wait Receive(absl::Time deadline, Frame* frame);
 
   // Ends the connection at both ends; a Receive() under way returns. Thread-safe.
   void Close();
 
-  // What was wrong with what the other end sent; empty: nothing. After Receive() said kClosed, by its thread.
+  // The fault in the data that the other end sent; empty if there was no fault. Call it after Receive() returned
+  // kClosed, on the same thread.
   const std::string& fault() const { return fault_; }
 
  private:
   struct Outgoing {
-    std::string bytes;  // header and all
+    std::string bytes;  // including the header
     std::size_t sent = 0;
     std::vector<BlobPtr> blobs;
   };
@@ -93,7 +94,7 @@ class FrameSocket {
   std::size_t unsent_bytes_ = 0;
   bool closed_ = false;
 
-  // Of the thread in Receive(): the frame that has come in part.
+  // Used only by the thread in Receive(): the partially received frame.
   char header_[8] = {};
   std::size_t header_size_ = 0;
   std::size_t body_size_ = 0;

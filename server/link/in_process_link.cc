@@ -19,8 +19,8 @@ namespace {
 using worker::v1::FromWorker;
 using worker::v1::ToWorker;
 
-// One direction. Unbounded: what a worker sends in a job is bounded by its throttle, what the server sends is a few
-// messages for each job. Thread-safe.
+// One direction of the link. The queue is unbounded: what a worker sends in a job is bounded by its throttle, what the
+// server sends is a few messages for each job. Thread-safe.
 template <typename Item>
 class Pipe {
  public:
@@ -117,7 +117,7 @@ class InProcessWorkerLink : public WorkerLink {
   }
   WorkerLoss HowEnded() override {
     if (given_up_) return {"WORKER_HUNG", "the worker was given up", {}};
-    // Set before the pipe was closed, which this thread has seen.
+    // thrown_ was set before the pipe was closed, and this thread has seen the pipe closed.
     if (!thrown_.empty()) return {"WORKER_CRASHED", "the worker threw: " + thrown_, {}};
     return {"WORKER_CRASHED", "the worker ended without a result", {}};
   }

@@ -8,9 +8,9 @@
 
 namespace planish {
 
-// Runs `worker` on a new thread. When it returns or throws, the link closes. A thread cannot be killed: Close() makes
-// the link useless, and the worker should notice.
-// Destroying the link closes it and waits for `worker` to return, so `worker` must heed a closed link.
+// Runs `worker` on a new thread. When it returns or throws, the link closes. A thread cannot be killed: Close() only
+// closes the link, and the worker should notice. Destroying the link closes it and waits for `worker` to return, so
+// `worker` must return when the link is closed.
 absl::StatusOr<std::shared_ptr<WorkerLink>> StartInProcessWorker(std::function<void(ServerLink&)> worker);
 
 }  // namespace planish

@@ -38,7 +38,7 @@ class Decoder {
   }
 
  private:
-  // Unsigned numbers from 2^31 on become negative, and so are out of every range.
+  // Unsigned numbers of 2^31 and more become negative, and so are out of every range.
   template <typename Number>
   static absl::StatusOr<std::vector<Number>> Numbers(const std::string& field, std::string_view bytes) {
     if (bytes.size() % sizeof(Number) != 0) {
@@ -67,7 +67,7 @@ class Decoder {
                    {{"corner", corner}});
   }
 
-  // One number for each triangle.
+  // Decodes a list of one number for each triangle.
   template <typename Number>
   absl::StatusOr<std::vector<Number>> OfFaces(const std::string& field, std::string_view bytes) const {
     PLANISH_ASSIGN_OR_RETURN(std::vector<Number> numbers, Numbers<Number>(field, bytes));
@@ -81,7 +81,7 @@ class Decoder {
       if (polygons[f] >= 0 && polygons[f] < std::ssize(polygons)) continue;
       return Invalid("face_polygon",
                      absl::StrCat("there is no polygon ", static_cast<std::uint32_t>(polygons[f]), ": ", polygons.size(),
-                                  " triangles make no more than as many polygons, numbered from 0"),
+                                  " triangles make at most that many polygons, numbered from 0"),
                      {{"face", absl::StrCat(f)}});
     }
     return polygons;
@@ -89,7 +89,7 @@ class Decoder {
 
   absl::Status GoesWithOptions(const std::string& field, std::string_view bytes) const {
     if (bytes.empty()) return absl::OkStatus();
-    if (options_.pack() == v1::PACK_OFF) return Invalid(field, "charts that are not packed have no atlas");
+    if (options_.pack() == v1::PACK_OFF) return Invalid(field, "face_atlas needs packing, and pack is off");
     if (options_.seams() != v1::SEAMS_NONE) return absl::OkStatus();
     return Invalid(field, "with SEAMS_NONE the mesh is one chart, which fills its tile");
   }
@@ -98,7 +98,7 @@ class Decoder {
     PLANISH_RETURN_IF_ERROR(GoesWithOptions("face_atlas", bytes));
     PLANISH_ASSIGN_OR_RETURN(std::vector<std::int32_t> atlases, OfFaces<std::int32_t>("face_atlas", bytes));
     const bool stacked = options_.atlas_layout() == v1::ATLAS_LAYOUT_STACKED;
-    // Tiles out of range are found with the options.
+    // A number of tiles out of range is reported by the check of the options.
     const int most = stacked ? INT32_MAX : kMostTiles / std::clamp(options_.tiles(), 1, kMostTiles);
     for (std::size_t f = 0; f < atlases.size(); ++f) {
       const std::int32_t atlas = atlases[f];

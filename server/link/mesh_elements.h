@@ -1,5 +1,4 @@
-// What a job knows of the elements of its mesh (planish.v1.MeshElements): the one place where its bytes become numbers and
-// are checked.
+// Decodes and checks what a job says about the elements of its mesh (planish.v1.MeshElements). No other code does.
 #pragma once
 
 #include <bit>
@@ -14,7 +13,7 @@
 
 namespace planish {
 
-// The fields of planish.v1.MeshElements as numbers; empty where nothing is said.
+// The fields of planish.v1.MeshElements as numbers; empty if not given.
 struct MeshElements {
   std::vector<std::int32_t> seam_corners;
   std::vector<std::int32_t> uncut_corners;
@@ -23,14 +22,15 @@ struct MeshElements {
   std::vector<float> face_weights;
 };
 
-// `num_faces`: if it is known before the mesh is decoded. INVALID_ARGUMENT, OPTIONS_INVALID with metadata "field" (as
-// planish.v1.MeshElements names it) and "corner" or "face", the first that is wrong: bytes that are no whole numbers,
-// numbers out of range, lists for the triangles that are not as long as there are triangles, and what does not go with
-// `options`. Without `num_faces` corners and the lengths of lists are in range at most for some mesh.
+// `num_faces`: empty if it is not known before the mesh is decoded. INVALID_ARGUMENT with OPTIONS_INVALID and metadata
+// "field" (the name in planish.v1.MeshElements) and "corner" or "face", the first wrong one. Wrong are: bytes that are
+// not a multiple of 4, numbers out of range, lists for the triangles whose length is not the number of triangles, and
+// combinations with `options` that are not allowed. Without `num_faces`, corners and lengths of lists are only checked
+// against the largest possible mesh.
 absl::StatusOr<MeshElements> DecodeMeshElements(const v1::MeshElements& elements, const v1::UnwrapOptions& options,
                                                 std::optional<std::int64_t> num_faces);
 
-// Numbers of 4 bytes as planish.v1.MeshElements has them.
+// Packs numbers of 4 bytes as in planish.v1.MeshElements: little-endian.
 template <typename Number>
 std::string PackNumbers(std::span<const Number> numbers) {
   static_assert(sizeof(Number) == 4);

@@ -32,13 +32,13 @@ using worker::v1::ToWorker;
 
 constexpr int kWorkerFd = 3;
 constexpr int kStderrFd = 4;
-// Of the last words of a worker.
+// Longest output of a failed start that is kept.
 constexpr std::size_t kMostWords = 4096;
-// What the C library, the loader, sanitizers and numerical libraries look at.
+// Variables that the C library, the loader, sanitizers and numerical libraries read.
 constexpr std::string_view kVariables[] = {"LANG", "TZ", "GLIBC_TUNABLES", "GCOV_PREFIX", "LLVM_PROFILE_FILE"};
 constexpr std::string_view kVariablePrefixes[] = {"LC_",   "LD_",   "MALLOC_", "OMP_",  "OPENBLAS_",
                                                   "ASAN_", "LSAN_", "TSAN_",   "UBSAN_"};
-// One blob at most comes from a worker: the UV.
+// A worker sends at most one blob: the UV.
 constexpr FrameLimits kFromWorker = {.bytes = std::size_t{16} << 20, .descriptors = 1};
 // How long a process that closed its link may take to end.
 constexpr std::chrono::seconds kExitPatience(2);
@@ -51,7 +51,8 @@ absl::Status CannotStart(const std::string& what, int error) {
   return InternalError(message);
 }
 
-// How many processes the kernel has killed for want of memory since the machine started; 0 where it does not say.
+// Number of processes that the kernel has killed since the machine started because memory ran out; 0 if it does not
+// tell.
 std::int64_t KillsForMemory() {
   std::ifstream file("/proc/vmstat");
   std::string name;
@@ -63,7 +64,7 @@ std::int64_t KillsForMemory() {
 
 class ProcessWorkerLink : public WorkerLink {
  public:
-  // `words`: what the worker writes before it is ready; `stderr_fd` stays the caller's.
+  // `words`: the file of the worker's stderr until it is ready. The caller keeps `stderr_fd`.
   ProcessWorkerLink(pid_t pid, std::unique_ptr<FrameSocket> socket, Descriptor words, int stderr_fd)
       : pid_(pid),
         socket_(std::move(socket)),
@@ -129,7 +130,7 @@ class ProcessWorkerLink : public WorkerLink {
   WorkerLoss Loss(bool given_up) const {
     if (!fault_.empty()) return {"INTERNAL", "the worker broke the protocol: it sent " + fault_, {}};
     if (given_up) return {"WORKER_HUNG", "the worker was given up and killed", {}};
-    if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and went on; it was killed", {}};
+    if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and continued; it was killed", {}};
     const std::string message = "the worker " + HowItEnded(status_);
     if (WIFSIGNALED(status_)) {
       const std::string name = SignalName(WTERMSIG(status_));
@@ -141,7 +142,7 @@ class ProcessWorkerLink : public WorkerLink {
     return {"WORKER_CRASHED", message, {{"exit_code", absl::StrCat(WEXITSTATUS(status_))}}};
   }
 
-  // Of a worker that never got ready: for people, and passed on to where others write.
+  // Output of a worker that never became ready. Also copies it to the stderr of the other workers.
   std::string LastWords() {
     if (words_.get() < 0) return "";
     std::string words(kMostWords, '\0');
@@ -162,7 +163,7 @@ class ProcessWorkerLink : public WorkerLink {
     return Wait::kClosed;
   }
 
-  // Waits for the process to end, not for ever.
+  // Waits for the process to end, for a limited time.
   void Reap() {
     const auto patience = std::chrono::steady_clock::now() + kExitPatience;
     std::chrono::microseconds pause(100);
@@ -186,14 +187,14 @@ class ProcessWorkerLink : public WorkerLink {
 
   const pid_t pid_;
   const std::unique_ptr<FrameSocket> socket_;
-  Descriptor words_;  // of the receiving thread; none once it is ready
+  Descriptor words_;  // used by the receiving thread; closed once the worker is ready
   const int stderr_fd_;
   const std::int64_t kills_before_;
   std::string fault_;                // of the receiving thread
   bool hung_after_closing_ = false;  // of the receiving thread
 
   std::mutex mutex_;
-  // Guarded by mutex_: nobody kills a process that is no longer ours.
+  // Guarded by mutex_, so that no thread kills a process id that no longer belongs to the worker.
   bool reaped_ = false;
   bool given_up_ = false;
   int status_ = 0;
@@ -229,7 +230,7 @@ absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProce
     if (IsForWorkers(text.substr(0, text.find('=')))) worker.variables.emplace_back(text);
   }
   worker.descriptors = {-1, -1, words.get(), theirs.get(), stderr_fd};  // kWorkerFd and kStderrFd at the end
-  // Ctrl-C and a service manager's SIGTERM reach every process there is; a worker ends when its server says so.
+  // Ctrl-C and a service manager's SIGTERM reach all processes; a worker ends when its server tells it to.
   worker.blocked_signals = {SIGINT, SIGTERM, SIGHUP};
   pid_t pid = 0;
   const int error = Spawn(worker, &pid);

@@ -1,4 +1,4 @@
-// absl::Status as google.rpc.Status: the one form in which errors leave a worker or the server.
+// Conversion of absl::Status to google.rpc.Status. All errors leave a worker or the server in this form.
 #pragma once
 
 #include "absl/status/status.h"
@@ -7,16 +7,15 @@
 
 namespace planish {
 
-// The same error for whoever sees the field that it names (metadata "field") within another one: "padding" within
-// "options." is "options.padding". Only of INVALID_ARGUMENT; any other status stays as it is.
+// Puts `path` before the field that the error names (metadata "field"): "padding" with the path "options." becomes
+// "options.padding". Changes INVALID_ARGUMENT only.
 absl::Status WithinField(const absl::Status& status, const std::string& path);
 
-// Tells the caller to wait at least `delay` before it tries again; becomes a google.rpc.RetryInfo. `status` must not
-// be OK.
+// Adds a google.rpc.RetryInfo: the caller should wait at least `delay` before it tries again. `status` must not be OK.
 absl::Status WithRetryDelay(absl::Status status, absl::Duration delay);
 
-// Code, message, and as details one ErrorInfo of domain "planish" (reason "INTERNAL" or the code's name if `status`
-// was not made by MakeError), then the RetryInfo if there is one. Code 0 and nothing else for OK.
+// Code, message, and as details an ErrorInfo of the domain "planish" and the RetryInfo, if there is one. The reason is
+// "INTERNAL" or the code's name if `status` was not made by MakeError. OK becomes code 0 and nothing else.
 google::rpc::Status ToRpcStatus(const absl::Status& status);
 
 // The reason in the ErrorInfo among the details; empty if there is none.

@@ -7,17 +7,18 @@
 
 namespace planish {
 
-// Whether a worker gives up files, the network and everything else that it does not need (server/worker/sandbox.h).
+// Whether a worker closes its sandbox, which takes away files, the network and everything else that it does not need
+// (server/worker/sandbox.h).
 enum class SandboxMode {
-  kAuto,     // where the kernel allows it
-  kRequire,  // or it does not start
+  kAuto,     // if the kernel supports it
+  kRequire,  // otherwise the worker does not start
   kOff,
 };
 
 struct WorkerArguments {
   int fd = -1;  // the worker's end of the link
-  // What becomes the worker's stderr once it is ready; until then its stderr is a file that the server reads if the
-  // start fails. -1: it keeps the one it has.
+  // The worker's stderr once it is ready. Until then its stderr is a file that the server reads if the start fails. -1:
+  // stderr does not change.
   int stderr_fd = -1;
   SandboxMode sandbox = SandboxMode::kAuto;
   bool failpoints = false;  // WorkRequest.failpoint is obeyed
@@ -26,7 +27,7 @@ struct WorkerArguments {
 // "--worker-fd=3" and so on.
 std::vector<std::string> ToCommandLine(const WorkerArguments& arguments);
 
-// Empty if this is not the command line of a worker, which starts with --worker-fd.
+// Empty if this is not the command line of a worker. That begins with --worker-fd.
 std::optional<WorkerArguments> ParseWorkerArguments(int argc, const char* const* argv);
 
 // "auto", "require", "off".

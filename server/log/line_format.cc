@@ -34,7 +34,7 @@ bool IsControl(char c) {
   return static_cast<unsigned char>(c) < ' ' || c == '\x7f';
 }
 
-// Words, names and numbers stand as they are.
+// False for words, names and numbers.
 bool NeedsQuotes(const std::string& text) {
   return std::any_of(text.begin(), text.end(),
                      [](char c) { return IsControl(c) || c == ' ' || c == '"' || c == '=' || c == '\\'; });
@@ -49,7 +49,7 @@ std::string ValueText(const LogField& field) {
   return std::get<bool>(field.value) ? "true" : "false";
 }
 
-// Unlike in fields, quotes in a sentence stay what they are.
+// Escapes control characters. Unlike in fields, quotes are not escaped.
 std::string Visible(absl::string_view text) {
   std::string visible;
   for (const char c : text) {

@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// Those of the line that this thread writes: spdlog formats it before Log() returns.
+// The fields of the line that this thread is writing: spdlog formats it before Log() returns.
 thread_local const LogFields* fields_of_line = nullptr;
 
 const LogFields& Fields() {
@@ -24,7 +24,7 @@ absl::string_view View(const spdlog::string_view_t& text) {
   return {text.data(), text.size()};
 }
 
-// Also of lines that a library gives to spdlog itself.
+// Also formats lines that a library passes to spdlog directly.
 class LineFormatter : public spdlog::formatter {
  public:
   explicit LineFormatter(LogFormat format) : format_(format) {}

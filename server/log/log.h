@@ -20,9 +20,9 @@ enum class LogFormat { kHuman, kJson };
 
 enum class LogLevel { kDebug, kInfo, kWarn, kError, kOff };
 
-// A number, a truth or a text that goes with a message. Keys are words of a-z and '_'; "time", "level" and "message"
-// are taken. Fields with empty texts are left out. "job", "tenant" and "trace" say what the line is about; people see
-// the job in front of the message.
+// A number, a Boolean or a text that belongs to a message. Keys are words of a-z and '_'; "time", "level" and "message"
+// are reserved. Fields with empty texts are left out. "job", "tenant" and "trace" say what the line is about. In the
+// format for people the job comes before the message.
 struct LogField {
   LogField(absl::string_view k, absl::string_view v) : key(k), value(std::string(v)) {}
   LogField(absl::string_view k, const char* v) : key(k), value(std::string(v)) {}
@@ -38,10 +38,10 @@ struct LogField {
 
 using LogFields = std::vector<LogField>;
 
-// Sets up the log, or changes it. Until the first call lines look as in spdlog's default. Thread-safe.
+// Sets or changes format and level. Before the first call lines have spdlog's default format. Thread-safe.
 void SetUpLog(LogFormat format, LogLevel level);
 
-// Writes a line if `level` is at least the log's. Thread-safe.
+// Writes a line if `level` is at least the level of the log. Thread-safe.
 void Log(LogLevel level, absl::string_view message, const LogFields& fields = {});
 
 inline void LogDebug(absl::string_view message, const LogFields& fields = {}) {

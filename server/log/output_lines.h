@@ -1,4 +1,4 @@
-// What other processes write to stderr, as lines of the log: bytes of theirs in between would break logs that programs
+// Turns the stderr output of other processes into lines of the log. Written directly, it would break logs that programs
 // read.
 #pragma once
 
@@ -10,14 +10,15 @@ namespace planish {
 
 class OutputLines {
  public:
-  // `on_line` gets each line without its end, on a thread of this object. Lines of more than 4 KiB come in pieces.
+  // `on_line` gets each line without its line end, on a thread of this object. Lines of more than 4 KiB are split.
   explicit OutputLines(std::function<void(const std::string&)> on_line);
-  // Waits until all processes that hold the descriptor are gone.
+  // Waits until all processes that hold the descriptor have ended.
   ~OutputLines();
   OutputLines(const OutputLines&) = delete;
   OutputLines& operator=(const OutputLines&) = delete;
 
-  // What they write to: stays this object's and is closed on exec. -1 if there is none: no descriptors left.
+  // The descriptor that the processes write to. Belongs to this object and is closed on exec. -1 if the process had no
+  // descriptors left.
   int write_fd() const { return write_fd_; }
 
  private:

@@ -32,11 +32,11 @@ using Clock = std::chrono::steady_clock;
 constexpr int kThreads = 2;
 constexpr std::size_t kMostRequestBytes = 8192;
 constexpr int kBacklog = 128;
-// After the process ran out of descriptors.
+// Pause in accepting after the process ran out of descriptors.
 constexpr std::chrono::milliseconds kAcceptPause(200);
 constexpr std::chrono::seconds kLongestPoll(60);
 
-// What cpp-httplib reads a request from, and writes the answer to.
+// The stream from which cpp-httplib reads a request, and to which it writes the answer.
 class MemoryStream : public httplib::Stream {
  public:
   explicit MemoryStream(std::string request) : request_(std::move(request)) {}
@@ -55,7 +55,7 @@ class MemoryStream : public httplib::Stream {
     answer_.append(data, size);
     return static_cast<ssize_t>(size);
   }
-  // No two callers are told apart by address.
+  // Callers are not distinguished by address.
   void get_remote_ip_and_port(std::string&, int&) const override {}
   void get_local_ip_and_port(std::string&, int&) const override {}
   socket_t socket() const override { return INVALID_SOCKET; }
@@ -70,19 +70,19 @@ class MemoryStream : public httplib::Stream {
 }  // namespace
 
 // One thread moves bytes for all connections. The threads that compute answers see complete requests only, so a
-// connection that sends nothing, or reads nothing, holds up nobody. cpp-httplib parses requests and writes answers; its
-// own threads would queue any number of connections, and would wait for each of them.
+// connection that sends or reads nothing does not delay others. cpp-httplib parses requests and writes answers; its own
+// threads would queue any number of connections, and would wait for each of them.
 class HttpEndpoint::Server : public httplib::Server {
  public:
   Server(HttpEndpoint::Handler handler, const HttpEndpointOptions& options)
       : handler_(std::move(handler)), options_(options), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-    // Its default would let two servers share the port, each with some of the connections.
+    // The default of cpp-httplib would let two servers share the port, each getting some of the connections.
     set_socket_options([](socket_t socket) {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
     });
     set_payload_max_length(0);
-    // Before its own routing, which reads bodies and matches paths as regular expressions.
+    // Runs before cpp-httplib's own routing, which reads bodies and matches paths as regular expressions.
     set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& response) {
       if (request.method != "GET" && request.method != "HEAD") {
         response.status = 405;
@@ -111,7 +111,7 @@ class HttpEndpoint::Server : public httplib::Server {
   }
 
   void Run() {
-    ::listen(svr_sock_, kBacklog);  // cpp-httplib asked for five
+    ::listen(svr_sock_, kBacklog);  // cpp-httplib used a backlog of 5
     fcntl(svr_sock_, F_SETFL, fcntl(svr_sock_, F_GETFL) | O_NONBLOCK);
     threads_.emplace_back([this] { MoveBytes(); });
     for (int i = 0; i < kThreads; ++i) {
@@ -166,7 +166,8 @@ class HttpEndpoint::Server : public httplib::Server {
 
   bool HasRoom() const { return static_cast<int>(connections_.size()) < options_.connections; }
 
-  // The oldest connection that has not sent its request or, if there is none, has not read its answer.
+  // The connection to close for a new one: the oldest that has not sent its request or, if there is none, has not read
+  // its answer.
   Connections::iterator ToGiveWay() {
     for (const Phase phase : {Phase::kReading, Phase::kWriting}) {
       const auto found = std::find_if(connections_.begin(), connections_.end(),
@@ -190,11 +191,11 @@ class HttpEndpoint::Server : public httplib::Server {
       connection.socket = socket;
       connection.request_by = Clock::now() + absl::ToChronoNanoseconds(options_.request_limit);
       connection.close_by = Clock::now() + absl::ToChronoNanoseconds(options_.connection_limit);
-      Move(connections_.find(last_number_));  // most requests are there by now
+      Move(connections_.find(last_number_));  // most requests have already arrived
     }
   }
 
-  // Reads or writes as much as can be done without waiting.
+  // Reads or writes as much as is possible without waiting.
   void Move(Connections::iterator found) {
     Connection& connection = found->second;
     if (connection.phase == Phase::kReading && !Read(&connection)) return Close(found);
@@ -207,7 +208,7 @@ class HttpEndpoint::Server : public httplib::Server {
     if (connection.phase == Phase::kWriting && !Write(&connection)) Close(found);
   }
 
-  // False: the other side has closed, or the connection failed.
+  // False if the other side has closed, or the connection failed.
   static bool Read(Connection* connection) {
     char bytes[2048];
     while (connection->bytes.size() < kMostRequestBytes) {
@@ -221,7 +222,7 @@ class HttpEndpoint::Server : public httplib::Server {
     return true;
   }
 
-  // False: all is written, or the connection failed.
+  // False if everything is written, or the connection failed.
   static bool Write(Connection* connection) {
     while (connection->sent < connection->bytes.size()) {
       const ssize_t count = send(connection->socket, connection->bytes.data() + connection->sent,
@@ -303,7 +304,7 @@ class HttpEndpoint::Server : public httplib::Server {
   const int wake_;
   std::vector<std::thread> threads_;
 
-  // Of the thread that moves bytes.
+  // Used only by the thread that moves bytes.
   Connections connections_;
   std::uint64_t last_number_ = 0;
   Clock::time_point accept_from_;

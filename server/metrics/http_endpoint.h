@@ -20,28 +20,28 @@ struct HttpAnswer {
 struct HttpEndpointOptions {
   std::string host;
   int port = 0;  // 0: any
-  // From the acceptance of a connection to the end of its request, and to the last byte of its answer. A connection
-  // that takes longer is closed.
+  // Time limits of a connection, from its acceptance to the end of its request, and to the last byte of its answer. A
+  // connection that takes longer is closed.
   absl::Duration request_limit = absl::Seconds(5);
   absl::Duration connection_limit = absl::Seconds(10);
-  // At the same time. Beyond them the oldest connection that has not sent its request gives way to a new one.
+  // Concurrent connections. Beyond this number, the oldest one that has not sent its request is closed for a new one.
   int connections = 64;
 };
 
 // "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
 absl::StatusOr<HttpEndpointOptions> ParseHttpAddress(const std::string& text);
 
-// Connections that are silent or slow hold up nobody else: requests are answered by two threads once they are complete.
-// A request may have 8 KiB and no body.
+// Silent or slow connections do not delay others: two threads answer requests once they are complete. A request may
+// have 8 KiB and no body.
 class HttpEndpoint {
  public:
-  // Called on the endpoint's threads for a path without its query; nothing (status 404) for what is not served.
+  // Called on the endpoint's threads with a path without its query. Returns status 404 for paths that are not served.
   using Handler = std::function<HttpAnswer(const std::string& path)>;
 
-  // Answers from its return on. UNAVAILABLE with a message that names the address that cannot be had, and why.
+  // Serves from its return on. UNAVAILABLE if the address cannot be used; the message has the address and the reason.
   static absl::StatusOr<std::unique_ptr<HttpEndpoint>> Start(const HttpEndpointOptions& options, Handler handler);
 
-  // Cuts off connections under way.
+  // Closes all connections.
   ~HttpEndpoint();
   HttpEndpoint(const HttpEndpoint&) = delete;
   HttpEndpoint& operator=(const HttpEndpoint&) = delete;

@@ -6,14 +6,13 @@
 
 namespace planish {
 
-// Keeps a label from taking any number of values: some of them come from worker processes, which are not trusted.
-// Thread-safe.
+// Bounds the number of values of a label. Some values come from worker processes, which are not trusted. Thread-safe.
 class LabelGuard {
  public:
   explicit LabelGuard(std::size_t most) : most_(most) {}
 
-  // `reason` if it looks like one (A-Z, 0-9, _; at most 64) and is one of the first `most` that came; "NONE" if it is
-  // empty; "OTHER" otherwise.
+  // `reason` if it has the form of one (1 to 64 of A-Z, 0-9, _) and is among the first `most` different ones; "NONE" if
+  // it is empty; "OTHER" otherwise.
   std::string Reason(const std::string& reason);
 
  private:

@@ -12,15 +12,15 @@
 
 namespace planish {
 
-// A question that may take for ever, and is asked on a thread of its own: whoever wants the answer waits for a limited
-// time, and then takes the one before. Thread-safe.
+// Asks a question that may never return, on its own thread. A caller waits for the answer for a limited time, and then
+// uses the previous answer. Thread-safe.
 template <class Answer>
 class PatientQuestion {
  public:
   using Clock = std::chrono::steady_clock;
 
   explicit PatientQuestion(std::function<Answer()> ask) : ask_(std::move(ask)), thread_([this] { Run(); }) {}
-  // Waits for a question that is under way.
+  // Waits for a running question.
   ~PatientQuestion() {
     {
       const std::lock_guard lock(mutex_);
@@ -32,14 +32,14 @@ class PatientQuestion {
   PatientQuestion(const PatientQuestion&) = delete;
   PatientQuestion& operator=(const PatientQuestion&) = delete;
 
-  // Asks, unless the question is under way.
+  // Asks, unless a question is already running.
   void Ask() {
     const std::lock_guard lock(mutex_);
     if (!begun_at_.has_value()) Want(begun_ + 1);
   }
 
-  // Asks once more and waits for the answer, but no longer than `patience`, and not at all if an earlier question has
-  // been open for that long. Whether the answer came; `answer` gets the newest there is, if there is any.
+  // Asks once more and waits for the answer, at most for `patience`; does not wait if a question has been running for
+  // that long already. Returns whether the new answer arrived. `answer` becomes the newest answer, if there is any.
   bool AskAndWait(Clock::duration patience, std::optional<Answer>* answer) {
     std::unique_lock lock(mutex_);
     const std::int64_t next = begun_ + 1;
@@ -52,13 +52,13 @@ class PatientQuestion {
     return came;
   }
 
-  // The answer that came last, if any did.
+  // The newest answer, if there is any.
   std::optional<Answer> Newest() const {
     const std::lock_guard lock(mutex_);
     return answer_;
   }
 
-  // For how long the question under way has been; zero: none is.
+  // How long the running question has taken so far; zero if none is running.
   Clock::duration Silence() const {
     const std::lock_guard lock(mutex_);
     return begun_at_.has_value() ? Clock::now() - *begun_at_ : Clock::duration::zero();
@@ -93,7 +93,7 @@ class PatientQuestion {
   std::condition_variable changed_;
   // Guarded by mutex_. Questions are numbered from 1.
   std::int64_t wanted_ = 0, begun_ = 0, answered_ = 0;
-  std::optional<Clock::time_point> begun_at_;  // of the question under way
+  std::optional<Clock::time_point> begun_at_;  // of the running question
   std::optional<Answer> answer_;
   bool ending_ = false;
   std::thread thread_;  // last: it uses the others

@@ -21,12 +21,12 @@ double CpuSeconds(int who) {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-// Field 22 of /proc/self/stat is in ticks since the machine started, which /proc/stat tells as btime.
+// Field 22 of /proc/self/stat is in ticks since the machine started, which is btime in /proc/stat.
 double StartTime() {
   std::ifstream stat("/proc/self/stat");
   std::string line;
   std::getline(stat, line);
-  const std::size_t name_end = line.rfind(')');  // the name in field 2 may hold anything
+  const std::size_t name_end = line.rfind(')');  // the name in field 2 may contain any character
   if (name_end == std::string::npos) return 0;
   std::istringstream fields(line.substr(name_end + 1));
   std::string skipped;
@@ -50,7 +50,7 @@ std::int64_t ResidentBytes() {
 
 std::int64_t OpenDescriptors() {
   std::error_code error;
-  std::int64_t count = -1;  // the one that reads the directory
+  std::int64_t count = -1;  // without the descriptor that reads the directory
   for (std::filesystem::directory_iterator it("/proc/self/fd", error), end; !error && it != end; it.increment(error)) {
     ++count;
   }

@@ -11,13 +11,13 @@ class Readiness {
  public:
   enum class Obstacle { kStarting, kEnding, kDraining, kWorkers, kStore, kUpkeep };
 
-  // kStarting is in the way.
+  // Begins with the obstacle kStarting.
   Readiness();
 
-  // `why`, for people; empty: it is no longer in the way.
+  // Sets the reason for people; an empty one removes the obstacle.
   void Set(Obstacle obstacle, std::string why);
 
-  // All that is in the way, in the order of the enum, separated by "; ". Empty: ready.
+  // The reasons of all obstacles, in the order of the enum, separated by "; ". Empty if ready.
   std::string WhyNot() const;
 
  private:

@@ -50,7 +50,7 @@ double SecondsBetween(const google::protobuf::Timestamp& from, const google::pro
   return static_cast<double>(TimeUtil::DurationToNanoseconds(to - from)) * 1e-9;
 }
 
-// Jobs from before there were tenants have none.
+// Jobs from before there were tenants have no tenant.
 std::string TenantOf(const std::string& tenant) {
   return tenant.empty() ? kDefaultTenant : tenant;
 }
@@ -58,12 +58,12 @@ std::string TenantOf(const v1::Job& job) {
   return TenantOf(job.tenant());
 }
 
-// Numbers that a worker reports: one that is none would spoil a sum for good.
+// A number reported by a worker, or 0 if it is not finite or negative: such a number would spoil a sum for good.
 double Sane(double number) {
   return std::isfinite(number) && number > 0 ? number : 0;
 }
 
-// Ends that no server brings about.
+// Codes that are caused by the caller, not by the server.
 bool IsCallersEnd(absl::StatusCode code) {
   return code == absl::StatusCode::kCancelled || code == absl::StatusCode::kDeadlineExceeded;
 }
@@ -83,7 +83,7 @@ struct HistogramFamily {
   const std::vector<double>& buckets;
 };
 
-// Families of what is read at a scrape.
+// Builds the families whose values are read at a scrape.
 class Pulled {
  public:
   void Add(const MetricDefinition& metric, double value, const Labels& labels = {}) {
@@ -159,8 +159,8 @@ struct ServerMetrics::Families {
   }
 
   const std::string version;
-  LabelGuard reasons{kMostReasons};         // that the server gives
-  LabelGuard worker_reasons{kMostReasons};  // that may come from a worker, and so be anything
+  LabelGuard reasons{kMostReasons};         // reasons that the server gives
+  LabelGuard worker_reasons{kMostReasons};  // reasons that may come from a worker, which is not trusted
   std::atomic<int> workers_ready = 0;
 
   prometheus::Registry registry;
@@ -302,7 +302,7 @@ std::string ServerMetrics::Text(const ServerGauges& gauges) const {
   AddProcess(&pulled);
 
   std::vector<MetricFamily> all = families_->registry.Collect();
-  // Counted where uploads are, as the rest of its family is here.
+  // This member of the family is counted by the upload store, the others here.
   for (MetricFamily& family : all) {
     if (family.name != metric::kCacheHits.name) continue;
     ClientMetric uploads;
@@ -311,7 +311,7 @@ std::string ServerMetrics::Text(const ServerGauges& gauges) const {
     family.metric.push_back(std::move(uploads));
   }
   for (MetricFamily& family : pulled.Take()) all.push_back(std::move(family));
-  // A family that has no sample yet says nothing, not even its name.
+  // A family without samples is left out entirely, its name too.
   std::erase_if(all, [](const MetricFamily& family) { return family.metric.empty(); });
   std::ostringstream text;
   text.imbue(std::locale::classic());

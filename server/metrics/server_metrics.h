@@ -15,7 +15,7 @@
 
 namespace planish {
 
-// What a scrape asks for in the moment it comes. Names and units: server/metrics/definitions.h.
+// Values that are read when a scrape arrives. Names and units: server/metrics/definitions.h.
 struct ServerGauges {
   ManagerStats jobs;
   UploadGauges uploads;
@@ -28,12 +28,12 @@ struct ServerGauges {
   int streams = 0;
   bool ready = false;
   absl::Duration clock_skew;
-  bool store_answers = true;                       // false: `jobs` and `uploads` are as of its last answer
+  bool store_answers = true;                       // false: `jobs` and `uploads` are from its last answer
   absl::Time certificate_end = absl::UnixEpoch();  // the epoch: no certificate
 };
 
-// Counts what happens, as it happens. Thread-safe; each function takes about a microsecond and waits for nobody but
-// others that count.
+// Counts events as they happen. Thread-safe; each function takes about a microsecond, and waits only for other threads
+// that count.
 class ServerMetrics : public JobObserver {
  public:
   explicit ServerMetrics(const std::string& version);
@@ -53,20 +53,20 @@ class ServerMetrics : public JobObserver {
   void OnWorkerStarted();
   void OnWorkerStartFailed();
   void OnWorkerEnded(WorkerEndCause cause);
-  // Started and not ended.
+  // Workers that have started and not ended.
   int workers_ready() const;
 
   // ---- calls
   struct CallTraits {
-    bool streams = false;  // lasts as long as a job or a caller wants
-    bool submits = false;  // makes a job or an upload, or makes one grow
+    bool streams = false;  // lasts as long as the job or the caller does
+    bool submits = false;  // makes a job or an upload, or adds to an upload
   };
-  // `call` is the name of one of the server's methods, or "OTHER": names that callers make up would each become a
-  // label. `reason` is that of its error, "" if there is none.
+  // `call` is the name of one of the server's methods, or "OTHER": otherwise each name that a caller invents would
+  // become a label. `reason`: the reason of its error, or "".
   void OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason, absl::Duration duration,
                    const CallTraits& traits);
 
-  // All of it in Prometheus's text format 0.0.4.
+  // All metrics in Prometheus's text format 0.0.4.
   std::string Text(const ServerGauges& gauges) const;
 
  private:

@@ -10,8 +10,8 @@
 
 namespace planish {
 
-// What the calls do, once the caller's rights are known; contracts in proto/planish/admin/v1/admin.proto. One at a
-// time.
+// The actions of the calls, after the caller's rights were checked; proto/planish/admin/v1/admin.proto has their
+// contracts. Called one at a time.
 struct AdminActions {
   std::function<absl::Status()> drain;
   std::function<absl::Status()> undrain;

@@ -15,11 +15,12 @@
 namespace planish {
 namespace {
 
-// What a call takes of gRPC's quota beside its messages: its arena, its headers, what its stream may send unread.
+// What a call takes of gRPC's quota beside its messages: its arena, its headers, and what its stream may send before it
+// is read.
 constexpr std::int64_t kCallBytes = std::int64_t{128} << 10;
 
-// How much memory a message may take for each of its bytes, and beside that: enough for numbers, and for a full batch
-// of jobs with full sets of labels.
+// Memory that a parsed message may take: kMostGrowth times its bytes, plus a constant. Enough for numbers, and for a
+// full batch of jobs with full sets of labels.
 constexpr std::int64_t kMostGrowth = 3;
 constexpr std::int64_t kMostFieldBytes = std::int64_t{16} << 20;
 
@@ -35,7 +36,7 @@ grpc::ByteBuffer ToBytes(const google::protobuf::Message& message) {
   return grpc::ByteBuffer(&slice, 1);
 }
 
-// Of `bytes` bytes; 0: it is not known how many more would have come.
+// `bytes`: the length of the message; 0 if unknown, since reading was stopped.
 absl::Status TooLong(const Method& method, std::int64_t bytes, std::int64_t limit) {
   const std::string message =
       absl::StrCat("the message is too long: ", std::string(method.name), " takes at most ", limit, " bytes");
@@ -84,7 +85,7 @@ std::string ReceivedMessage::TakeBytes() {
   return bytes;
 }
 
-// Anybody can make calls that take no credentials, so these get no room of their own.
+// Everybody can make calls that need no credentials, so these get no room of their own in the quota.
 Call::Call(CallInfo info) : info_(std::move(info)), peer_(info_.context->peer()) {
   if (is_anonymous()) return;
   room_ = info_.surroundings->memory->Expect(kCallBytes);
@@ -97,7 +98,7 @@ Call::~Call() {
 
 Call* Call::Begin(std::shared_ptr<Call> call) {
   Call* const reactor = call.get();
-  reactor->self_ = call;  // `call` keeps it to the end of this function
+  reactor->self_ = call;  // `call` keeps the object alive to the end of this function
   reactor->Read();
   reactor->OnBegin();
   return reactor;
@@ -116,7 +117,7 @@ void Call::Read() {
 
 void Call::StopReading() {
   {
-    const std::lock_guard lock(starting_);  // gRPC takes no read after the end
+    const std::lock_guard lock(starting_);  // gRPC accepts no read after the end
   }
   if (!reading_.exchange(false)) return;
   const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);
@@ -200,7 +201,7 @@ void Call::EndBare(const grpc::Status& status) {
 
 bool Call::MayEnd(const absl::Status& status) {
   if (ended_.exchange(true)) return false;
-  // Health checks and reflection are not this server's work.
+  // Health checks and reflection are not counted.
   if (!is_anonymous()) {
     TellCallEnd(*info_.surroundings, info_.method, status, absl::Now() - start_);
   }

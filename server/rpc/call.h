@@ -1,5 +1,5 @@
-// How the bytes of a call become messages: who calls is known before the first one is read, and how long it is and how
-// many fields it has before it is parsed.
+// Receives the messages of a call. The caller is known before the first message is read, and the length and the number
+// of fields are checked before a message is parsed.
 #pragma once
 
 #include <atomic>
@@ -27,26 +27,28 @@ namespace planish {
 struct EndedCall {
   std::string call;  // the method's name, e.g. "CreateJob"; "OTHER" if this server has no such method
   absl::StatusCode code = absl::StatusCode::kOk;
-  std::string reason;  // in the ErrorInfo of its error; empty: none
-  std::string hidden;  // the message of its error, if its caller was not told all of it (ToCallStatus); else empty
+  std::string reason;  // the reason of its error; empty: none
+  // The full message of its error, if ToCallStatus() withheld part of it from the caller; else empty.
+  std::string hidden;
   absl::Duration duration;
-  bool streams = false;  // as Method
+  bool streams = false;  // as in Method
   bool submits = false;
 };
 
-// Hears how each call of this server's own services ended. Called on gRPC's threads and those of handlers: must be
-// quick and thread-safe.
+// Called at the end of each call of this server's own services, on gRPC's threads and those of handlers: must be quick
+// and thread-safe.
 using CallListener = std::function<void(const EndedCall&)>;
 
-// A message that was received, and its shares of the memory for messages.
+// A received message, and its shares of the memory for messages.
 class ReceivedMessage {
  public:
   ReceivedMessage(grpc::ByteBuffer bytes, MessageMemory::Share incoming, MessageMemory::Share parsed)
       : bytes_(std::move(bytes)), incoming_(std::move(incoming)), parsed_(std::move(parsed)) {}
 
-  // Once; then the bytes are gone. INVALID_ARGUMENT as NoSuchMessage(). `message` must not outlive this object.
+  // Parses the bytes and frees them; call it once. INVALID_ARGUMENT as NoSuchMessage(). `message` must not outlive this
+  // object.
   absl::Status Parse(google::protobuf::Message* message);
-  // The message as it came, once; for messages without a descriptor.
+  // The unparsed bytes, for messages without a descriptor; call it once.
   std::string TakeBytes();
 
  private:
@@ -56,28 +58,28 @@ class ReceivedMessage {
 };
 using ReceivedMessagePtr = std::shared_ptr<ReceivedMessage>;
 
-// What calls share. All of it outlives them.
+// What all calls share. All of it outlives them.
 struct CallSurroundings {
   MessageMemory* memory;
   ReadWatch* watch;
   MethodLimits limits;
-  CallListener on_end;  // null: nobody listens
+  CallListener on_end;  // may be null
 };
 
-// Tells `surroundings.on_end`; `method` is null if this server has no such method.
+// Calls `surroundings.on_end`. `method` is null if this server has no such method.
 void TellCallEnd(const CallSurroundings& surroundings, const Method* method, const absl::Status& status,
                  absl::Duration duration);
 
 // An admitted call.
 struct CallInfo {
   const Method* method;
-  grpc::CallbackServerContext* context;  // as long as the call
-  Caller caller;                         // nobody where Method.need is kNobody
+  grpc::CallbackServerContext* context;  // valid as long as the call
+  Caller caller;                         // empty if Method.need is kNobody
   const CallSurroundings* surroundings;
 };
 
-// gRPC's side of a call of any shape. Owns itself from Begin() until gRPC is done with it. Between a Read() and what
-// comes of it there is no other Read().
+// The base class of a call of any kind. Owns itself from Begin() until gRPC has finished with it. A Read() must have
+// completed before the next one.
 class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
              public std::enable_shared_from_this<Call> {
  public:
@@ -93,36 +95,36 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
  protected:
   const CallInfo& info() const { return info_; }
 
-  // The first message has been asked for.
+  // Called after the first read was started.
   virtual void OnBegin() {}
-  // Asks for the next message. The caller keeps this object alive.
+  // Starts to read the next message. The caller of this function must keep the object alive.
   void Read();
-  // It has come, and is short enough. On one of gRPC's threads: must be quick.
+  // A message was received and is within the limits. Called on one of gRPC's threads: must be quick.
   virtual void OnMessage(ReceivedMessagePtr message) = 0;
-  // There is no other message: the caller has ended its side or is gone. By default the
-  // call ends with an error if it sent none.
+  // No more messages follow: the caller has ended its side or is gone. By default the call ends with an error if there
+  // was no message at all.
   virtual void OnNoMessage();
-  // A message is refused. By default the call ends with `status`.
+  // A message was refused. By default the call ends with `status`.
   virtual void OnRefused(const absl::Status& status) { End(status); }
-  // The call is over; `this` may go.
+  // The call has ended; `this` may be destroyed afterwards.
   virtual void OnEnd() {}
 
-  // Sends a message; OnWriteDone() tells when the next one may be sent.
+  // Sends a message. The next one may be sent after OnWriteDone().
   void Send(const google::protobuf::Message& message);
   void SendBytes(const std::string& bytes);
-  // Ends the call; once ended it stays as it ended. `this` may be gone when it returns.
+  // Ends the call. No effect if it has already ended. `this` may be gone when it returns.
   void End(const absl::Status& status);
-  // The same after one last message.
+  // Sends one last message and ends the call with OK.
   void EndWith(const google::protobuf::Message& message);
-  // With a status of gRPC's own making.
+  // Ends the call with a status as gRPC would make it, without details.
   void EndBare(const grpc::Status& status);
 
  private:
   absl::StatusOr<ReceivedMessagePtr> Check();
-  // Ends the read that is under way, on any thread.
+  // Ends the running read. May be called on any thread.
   void StopReading();
   bool is_anonymous() const { return info_.method->need == Need::kNobody; }
-  // False if the call was ended before.
+  // False if the call has already ended.
   bool MayEnd(const absl::Status& status);
 
   const CallInfo info_;
@@ -130,12 +132,12 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
   const std::string peer_;
   std::atomic<bool> ended_ = false;
   std::mutex starting_;                // held while a read is started
-  std::atomic<bool> reading_ = false;  // set by Read(), cleared by the first that ends the read
-  bool has_message_ = false;           // has had any; touched between reads
+  std::atomic<bool> reading_ = false;  // set by Read(), cleared by whatever ends the read first
+  bool has_message_ = false;           // has received any; used between reads only
   grpc::ByteBuffer incoming_;
   MessageMemory::Share expected_;
   grpc::ByteBuffer outgoing_;
-  MessageMemory::Share room_;  // for the call itself
+  MessageMemory::Share room_;  // memory for the call itself
 
   std::shared_ptr<Call> self_;  // set by Begin(), dropped by OnDone()
 };

@@ -7,7 +7,7 @@ namespace planish {
 namespace {
 
 constexpr absl::Duration kSlack = absl::Milliseconds(100);
-// gRPC says "never" by a time that is centuries away.
+// gRPC represents "never" by a time that is centuries away.
 constexpr absl::Duration kNever = absl::Hours(24 * 365 * 50);
 
 }  // namespace

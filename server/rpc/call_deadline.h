@@ -7,11 +7,11 @@
 
 namespace planish {
 
-// When, by the steady clock, the caller no longer waits; nothing if it waits for ever.
+// The caller's deadline by the steady clock; empty if it has none.
 std::optional<absl::Time> DeadlineOf(const grpc::CallbackServerContext& context);
 
-// Whether a call that was just cut off was so because its deadline passed. (The caller's clock measures it too, and its
-// word may arrive a little before ours says so.)
+// Whether a call that was just cut off ended because its deadline passed. Allows some slack, since the caller measures
+// the deadline by its own clock, and may cancel a little early by ours.
 bool HasPassed(const std::optional<absl::Time>& deadline);
 
 }  // namespace planish

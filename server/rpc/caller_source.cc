@@ -36,7 +36,7 @@ std::string_view View(grpc::string_ref text) {
   return {text.data(), text.size()};
 }
 
-// What a certificate that was verified says about its owner. Nothing: there is none.
+// The contents of a verified certificate; empty if there is none.
 struct Certificate {
   std::vector<std::string> names;
   absl::Time end;
@@ -77,7 +77,7 @@ class RuledCallerSource : public CallerSource {
         rules_.peers == nullptr ? std::nullopt : rules_.peers->Find(context.peer());
     if (user) return ByUser(table.get(), *user);
     if (table == nullptr) return DefaultCaller("");
-    return Missing("this server takes calls with credentials only: a token, or a client certificate that it knows");
+    return Missing("this server needs credentials: a token, or a client certificate that it knows");
   }
 
  private:
@@ -89,7 +89,7 @@ class RuledCallerSource : public CallerSource {
 
   absl::StatusOr<Caller> ByCertificate(const AccessTable* table, const Certificate& certificate) const {
     const absl::Time now = rules_.now();
-    // It was valid when the connection was made.
+    // It was valid when the connection was made, and may have expired since.
     if (now >= certificate.end) return Expired();
     if (table != nullptr) return table->FindCertificate(certificate.names, now);
     return DefaultCaller(absl::StrCat("certificate ", certificate.names.empty() ? "" : certificate.names[0]));

@@ -1,4 +1,4 @@
-// Who makes a call over gRPC.
+// Identifies the caller of a gRPC call.
 #pragma once
 
 #include <cstdint>
@@ -21,27 +21,30 @@ class CallerSource {
  public:
   virtual ~CallerSource() = default;
 
-  // UNAUTHENTICATED with CREDENTIALS_MISSING, CREDENTIALS_INVALID or CREDENTIALS_EXPIRED. Quick: it runs once a call.
+  // UNAUTHENTICATED with CREDENTIALS_MISSING, CREDENTIALS_INVALID or CREDENTIALS_EXPIRED. Must be quick: it runs once
+  // for each call.
   virtual absl::StatusOr<Caller> Identify(const grpc::CallbackServerContext& context) const = 0;
 };
 
-// Takes everybody for the default tenant, with all rights.
+// Every caller is the default tenant, with all rights.
 std::unique_ptr<CallerSource> NewOpenCallerSource();
 
 struct CallerRules {
-  // Both must outlive the source. Null: there is no access file; nobody asks who is at a Unix socket.
+  // Both must outlive the source. access null: there is no access file. peers null: users of Unix sockets are not
+  // checked.
   const AccessSource* access = nullptr;
   const PeerUsers* peers = nullptr;
   std::function<absl::Time()> now = absl::Now;
   std::uint32_t own_uid = 0;  // of the server
 };
 
-// With an access file the first of these that a call has says who calls, and if that is wrong the others do not help:
+// With an access file, the first of these that a call has decides; if it is wrong, the call is refused even if it has
+// others:
 //   1. metadata "authorization: Bearer TOKEN"
 //   2. the certificate of its TLS connection: a DNS name in it, or the common name of one without DNS names
 //   3. the user at the other end of its Unix socket
-// Without one everybody is the default tenant with all rights, but Unix sockets serve `own_uid` and root only. Tokens
-// appear in no message and no log.
+// Without an access file every caller is the default tenant with all rights, but Unix sockets serve `own_uid` and root
+// only. Tokens never appear in messages or logs.
 std::unique_ptr<CallerSource> NewCallerSource(CallerRules rules);
 
 }  // namespace planish

@@ -14,7 +14,7 @@ namespace {
 
 using grpc::ByteBuffer;
 
-// Calls of these packages are counted. Health checks and reflection are not this server's work.
+// Prefix of the calls that are counted. Health checks and reflection are not.
 constexpr char kOwnPackages[] = "/planish.";
 
 class RefusedCall : public grpc::ServerGenericBidiReactor {

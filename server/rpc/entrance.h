@@ -1,4 +1,4 @@
-// Where calls enter: each is admitted, or refused with nothing of it read.
+// The entrance of all calls: admits or refuses each one before any of its messages is read.
 #pragma once
 
 #include <memory>
@@ -12,18 +12,19 @@
 
 namespace planish {
 
-// To gRPC every method is a stream of bytes in both directions: the only shape of which gRPC reads no message by
-// itself. On the wire it is the same as any other shape.
+// gRPC sees every method as a stream of bytes in both directions, the only kind of method for which it reads no message
+// by itself. On the wire all kinds are the same.
 class Entrance : public grpc::CallbackGenericService {
  public:
-  // `callers` may be null if no endpoint needs credentials. All must outlive the Entrance, and it the server.
+  // `callers` may be null if no endpoint needs credentials. Both must outlive the Entrance, which must outlive the
+  // server.
   Entrance(const CallerSource* callers, const CallSurroundings* surroundings)
       : callers_(callers), surroundings_(*surroundings) {}
 
-  // gRPC's view of a service; reflection lists it.
+  // Makes the gRPC service for `service`; reflection lists it.
   std::unique_ptr<grpc::Service> Open(const RpcService& service) const;
 
-  // A method that this server does not have.
+  // Handles calls of methods that this server does not have.
   grpc::ServerGenericBidiReactor* CreateReactor(grpc::GenericCallbackServerContext* context) override;
 
  private:

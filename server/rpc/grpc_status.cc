@@ -23,7 +23,7 @@ void Cut(std::string* text) {
   text->append("...");
 }
 
-// Where the server keeps its files is for its log only.
+// Removes paths of the server's files, which belong into its log only.
 std::string WithoutPaths(const std::string& text) {
   const auto begins_word = [](char c) { return absl::ascii_isspace(c) || absl::StrContains("\"'(=<", c); };
   const auto ends_path = [](char c) { return absl::ascii_isspace(c) || absl::StrContains("\"')>:;,", c); };
@@ -41,7 +41,7 @@ std::string WithoutPaths(const std::string& text) {
   return shown;
 }
 
-// Which field is wrong, as the details of the error say it already.
+// Adds a BadRequest for the field that the error's metadata names.
 void AddFieldViolation(google::rpc::Status* rpc) {
   google::rpc::ErrorInfo info;
   if (rpc->code() != static_cast<int>(absl::StatusCode::kInvalidArgument)) return;

@@ -1,4 +1,4 @@
-// The one place where an absl::Status becomes the answer to a call.
+// Converts absl::Status to the error of a call. No other code does.
 #pragma once
 
 #include "absl/status/status.h"
@@ -7,16 +7,16 @@
 
 namespace planish {
 
-// As a call answers with it: google.rpc.Status (server/link/rpc_status.h), to which an INVALID_ARGUMENT that names a
-// field (metadata "field") adds a google.rpc.BadRequest. Cut to fit the 8 KiB that gRPC peers accept as metadata: a
-// message longer than 1 KiB ends in "...", too large an ErrorInfo.metadata is left out. So are absolute paths, unless
-// the error is about the request (INVALID_ARGUMENT), which its message may quote.
+// The google.rpc.Status that a call answers with (server/link/rpc_status.h). An INVALID_ARGUMENT that names a field
+// (metadata "field") also gets a google.rpc.BadRequest. The status is cut to fit the 8 KiB that gRPC peers accept as
+// metadata: a message longer than 1 KiB ends in "...", and too large an ErrorInfo.metadata is left out. Absolute paths
+// are left out too, unless the error is INVALID_ARGUMENT, whose message may quote the request.
 google::rpc::Status ToCallStatus(const absl::Status& status);
 
 // Whether ToCallStatus() leaves paths out.
 bool HidesPaths(const absl::Status& status);
 
-// With ToCallStatus() as error details.
+// The gRPC status, with ToCallStatus() as error details.
 grpc::Status ToGrpcStatus(const absl::Status& status);
 
 }  // namespace planish

@@ -81,7 +81,7 @@ class HealthService::Watch : public Call {
   void OnCancel() override {
     const std::lock_guard lock(mutex_);
     next_.reset();
-    is_sending_ = true;  // for good
+    is_sending_ = true;  // and stays so
     EndBare(grpc::Status::CANCELLED);
   }
 
@@ -109,7 +109,7 @@ class HealthService::Watch : public Call {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::optional<Status> next_;  // of the changes that were not sent yet, the last
+  std::optional<Status> next_;  // the newest change that was not sent yet
   bool is_sending_ = false;
 };
 

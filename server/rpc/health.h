@@ -1,4 +1,5 @@
-// grpc.health.v1.Health, for anybody. gRPC's own reads a request of any length before it looks at it.
+// grpc.health.v1.Health, without credentials. We do not use gRPC's implementation, since it reads requests of any
+// length.
 #pragma once
 
 #include <map>
@@ -18,7 +19,7 @@ class HealthService : public RpcService {
   // As grpc.health.v1.HealthCheckResponse.ServingStatus.
   enum class Status { kServing = 1, kNotServing = 2, kServiceUnknown = 3 };
 
-  // The service "", which means the process, is serving from the start.
+  // The service "" stands for the process, and is SERVING from the start.
   HealthService();
 
   void Set(const std::string& service, bool is_serving);
@@ -36,7 +37,7 @@ class HealthService : public RpcService {
   std::vector<Endpoint> endpoints_;
 
   std::mutex mutex_;
-  // Guarded by mutex_; they are told under it, so that each hears of the changes in their order.
+  // Guarded by mutex_. Watchers are notified while it is held, so that each gets the changes in order.
   std::map<std::string, Status> statuses_;
   std::map<std::string, std::set<std::shared_ptr<Watch>>> watches_;
 };

@@ -14,7 +14,7 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pa
   JobEventLog::Read read = events_->ReadAfter(position_.after_sequence);
   const std::int64_t last = events_->last_sequence();
   if (read.ended && read.status.ok() && last > 0 && position_.after_sequence > last && !told_end_) {
-    // The caller was told events that the database forgot in a crash.
+    // The caller has seen events that the database forgot in a crash.
     read = events_->ReadAfter(last - 1);
     read.event->set_sequence(position_.after_sequence + 1);
     told_end_ = true;
@@ -60,7 +60,7 @@ absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limi
   if (offset == size) return absl::OkStatus();
   const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes);
   if (!IsLost(got)) return got;
-  // Damaged counts as absent; whoever asks again gets the result computed again.
+  // Damaged UV count as absent; the next request for the same work computes them again.
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
                    absl::StrCat("the server can no longer read the UV: ", got.message()));
 }

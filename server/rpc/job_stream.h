@@ -1,4 +1,4 @@
-// What a watcher of a job is sent, message by message.
+// The messages that a watcher of a job is sent, one by one.
 #pragma once
 
 #include <cstdint>
@@ -25,18 +25,18 @@ class JobStream {
   enum class Step {
     kEvent,  // `event` was filled: send it
     kUv,     // `chunk` was filled: send it
-    kWait,   // nothing yet: ask again when the log wakes its subscribers
-    kEnd,    // all was sent; status() says how it went
+    kWait,   // nothing to send yet: call Next() again when the log wakes its subscribers
+    kEnd,    // everything was sent; status() has the outcome
   };
 
-  // What becomes of progress. Changes of state are never left out.
+  // How much progress is sent. Changes of state are always sent.
   enum class Pace {
     kAll,     // every event is sent
-    kNewest,  // of those that were not sent yet, the newest
-    kHold,    // the same, but none now: kWait
+    kNewest,  // only the newest event that was not sent yet
+    kHold,    // no progress now: kWait
   };
 
-  // Bytes of UV in a message: what a reader that stands still costs, twice (the message and its wire form).
+  // Bytes of UV in a message. A reader that does not read costs twice this: the message and its wire form.
   static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
@@ -44,21 +44,22 @@ class JobStream {
 
   Step Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace = Pace::kAll);
 
-  // That of ReadUv(); or what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
+  // The status of ReadUv(), or that of the log (UNAVAILABLE, DRAINING) if the job goes on at another server.
   const absl::Status& status() const { return status_; }
-  // Whether the caller was told the job's end. Known once Next() has said kUv or kEnd.
+  // Whether the job's end was sent. Known once Next() has returned kUv or kEnd.
   bool job_ended() const { return job_ended_; }
 
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
-  bool told_end_ = false;  // under a sequence of our own
+  bool told_end_ = false;  // with a sequence number made here
   bool job_ended_ = false;
   absl::Status status_;
 };
 
-// At most `limit` bytes of the UV from `offset` on, which the caller gave as `field`; none at their end. OUT_OF_RANGE
-// with UV_OFFSET_OUT_OF_RANGE beyond it; NOT_FOUND with RESULT_EXPIRED if they are lost; other errors of BlobStore.
+// Reads at most `limit` bytes of the UV from `offset` on; none at their end. `field`: the request's field that gave the
+// offset. OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE beyond the end; NOT_FOUND with RESULT_EXPIRED if the UV are lost;
+// other errors of BlobStore.
 absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limit, const std::string& field,
                     std::string* bytes);
 

@@ -24,7 +24,7 @@ std::string ErrorText(int error) {
   return std::generic_category().message(error);
 }
 
-// Closes itself.
+// A socket that closes itself.
 class Socket {
  public:
   Socket(int family, int type) : fd_(socket(family, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)) {}
@@ -46,7 +46,7 @@ sockaddr_un UnixAddress(const std::string& path) {
   return address;
 }
 
-// The kernel's one address type for all families.
+// Converts to the kernel's address type for all families.
 const sockaddr* Generic(const sockaddr_un& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }

@@ -1,4 +1,4 @@
-// Where a server listens: "HOST:PORT" (port 0: any) or "unix:PATH".
+// An address to listen on: "HOST:PORT" (port 0: any) or "unix:PATH".
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace planish {
 struct ListenAddress {
   std::string text;       // as given, for people
   std::string unix_path;  // empty for TCP
-  std::string grpc;       // as gRPC wants it
+  std::string grpc;       // in gRPC's form
 };
 
 // INVALID_ARGUMENT with a message that names `text`.
@@ -20,15 +20,15 @@ absl::StatusOr<ListenAddress> ParseListenAddress(const std::string& text);
 // Whether only this machine can reach it.
 bool IsLocal(const ListenAddress& address);
 
-// Makes way for a socket at `path`: removes a socket file that nobody answers on. ALREADY_EXISTS if a server answers
-// or the file is something else. No effect if there is no such file.
+// Removes a socket file at `path` on which no server answers. ALREADY_EXISTS if a server answers or the file is not a
+// socket. No effect if there is no such file.
 absl::Status RemoveStaleSocket(const std::string& path);
 
-// Why the system refuses to listen on `address`, e.g. "Address already in use"; found by trying. "unknown reason" if
-// it does not refuse.
+// Tries to listen on `address` and returns why the system refuses it, e.g. "Address already in use"; "unknown reason"
+// if it does not.
 std::string WhyNotListening(const ListenAddress& address);
 
-// A socket file that is removed with this object, unless another server has put its own there since.
+// Owns a socket file. The destructor removes it, unless another server has replaced it since.
 class SocketFile {
  public:
   explicit SocketFile(const std::string& path);

@@ -11,8 +11,8 @@
 namespace planish {
 namespace {
 
-// What gRPC's quota is while nobody is admitted: room for thousands of connections. gRPC ends calls at random, admitted
-// ones too, where it is not enough, so it must be more than ReadWatch lets strangers take.
+// gRPC's quota while no call is admitted: room for thousands of connections. If the quota is exceeded, gRPC ends calls
+// at random, admitted ones too, so it must be more than ReadWatch lets callers without credentials take.
 constexpr std::int64_t kQuotaBase = std::int64_t{256} << 20;
 
 constexpr absl::Duration kMemoryRetryDelay = absl::Seconds(1);
@@ -54,7 +54,7 @@ absl::StatusOr<MessageMemory::Share> MessageMemory::Take(const std::string& tena
   const std::int64_t tenants = static_cast<std::int64_t>(taken_by_.size()) + (own == 0 ? 1 : 0);
   if (most_ > 0 && !HasFairPart(own, taken_, bytes, most_, tenants)) {
     return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                    "the requests that are being read take all the memory there is for them"),
+                                    "requests that are being handled take all memory for requests"),
                           kMemoryRetryDelay);
   }
   Share share;

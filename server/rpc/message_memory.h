@@ -1,4 +1,4 @@
-// How much memory the messages of callers take: on their way in, and parsed.
+// Limits the memory of callers' messages, while they arrive and when they are parsed.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,14 @@
 
 namespace planish {
 
-// A message on its way in is gRPC's, whose quota is one for the process and as large as the messages that admitted
-// callers may be sending now: others find it small. A parsed message is charged to its tenant.
-// Thread-safe.
+// Messages that arrive are charged to gRPC's quota, one for the process. It grows with the messages that admitted
+// callers may be sending, so other callers find it small. A parsed message is charged to its tenant. Thread-safe.
 class MessageMemory {
  public:
   // `most` bytes for each of the two; 0: no limit.
   explicit MessageMemory(std::int64_t most);
 
-  // Something taken, given back by the destructor. Must not outlive the MessageMemory.
+  // A share of the memory. The destructor returns it. Must not outlive the MessageMemory.
   class Share {
    public:
     Share() = default;
@@ -35,11 +34,11 @@ class MessageMemory {
     bool is_incoming_ = false;
   };
 
-  // Room in gRPC's quota for `bytes` more.
+  // Adds room for `bytes` to gRPC's quota.
   Share Expect(std::int64_t bytes);
 
-  // RESOURCE_EXHAUSTED with QUEUE_FULL and RetryInfo if all is taken and `tenant` has its fair part
-  // (server/access/fair_part.h).
+  // Memory for a parsed message. RESOURCE_EXHAUSTED with QUEUE_FULL and RetryInfo if everything is taken and `tenant`
+  // has its fair part (server/access/fair_part.h).
   absl::StatusOr<Share> Take(const std::string& tenant, std::int64_t bytes);
 
   grpc::ResourceQuota& quota() { return quota_; }
@@ -57,7 +56,7 @@ class MessageMemory {
   // Guarded by mutex_.
   std::int64_t expected_ = 0;
   std::int64_t taken_ = 0;
-  std::map<std::string, std::int64_t> taken_by_;  // by tenant; none is 0
+  std::map<std::string, std::int64_t> taken_by_;  // by tenant, without zeros
 };
 
 }  // namespace planish

@@ -17,7 +17,7 @@ constexpr std::int64_t kSmallBytes = std::int64_t{64} << 10;
 constexpr std::int64_t kFewFields = 64;
 // A job has some fifty: the mesh, options, scheduling, and 32 labels of three each.
 constexpr std::int64_t kJobFields = 512;
-// A list may have 1000 entries. The limit is higher so that the method itself says how many it takes.
+// A list may have 1000 entries. This limit is higher, so that the method itself reports how many it takes.
 constexpr std::int64_t kListFields = 4096;
 constexpr std::int64_t kBatchFields = 1024 * kJobFields;
 

@@ -1,4 +1,4 @@
-// The one table of what this server's methods take.
+// The table of all methods of this server and their limits.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,19 @@
 
 namespace planish {
 
-// How long a message of a caller may be. MethodLimits has the bytes.
+// The class of a method's longest message. MethodLimits has the bytes.
 enum class MessageSize {
   kSmall,  // names, filters, digests
-  kJob,    // the largest mesh, and what a job says beside it
+  kJob,    // the largest mesh, and a job's other fields
   kPiece,  // one piece of an upload
 };
 
-// What answering takes, and so on which threads it happens: what is quick does not wait for what is slow.
+// What a handler does. This decides which threads run it, so that quick calls do not wait for slow ones.
 enum class Work {
-  kNone,    // nothing that waits
+  kNone,    // never blocks
   kReads,   // reads from the store
   kWrites,  // writes to the store
-  kMoves,   // moves bytes of uploads
+  kMoves,   // receives bytes of uploads
 };
 
 struct Method {
@@ -30,22 +30,22 @@ struct Method {
   std::string_view name;     // "CreateJob"
   Need need;                 // the right that its caller needs; Need::kNobody: anybody may call
   MessageSize size;
-  // Fields that a message may have, at every depth: each may cost a hundred bytes of memory and two of the message.
+  // Most fields in a message, counted at every depth. A field of two bytes may cost a hundred bytes of memory.
   std::int64_t max_fields;
   Work work = Work::kReads;
-  bool streams = false;  // lasts as long as a job or a caller wants
-  bool submits = false;  // makes a job or an upload, or makes one grow
+  bool streams = false;  // lasts as long as the job or the caller does
+  bool submits = false;  // makes a job or an upload, or adds to an upload
 
   // "/planish.v1.Planish/CreateJob"
   std::string path() const;
-  // The type of the message that it takes; null for a service without descriptor.
+  // The type of its request; null for a service without a descriptor.
   const google::protobuf::Descriptor* request() const;
 };
 
 // The entry of `path`, which must be in the table.
 const Method& MethodAt(std::string_view path);
 
-// What the sizes mean on one server.
+// The limits of message sizes on one server.
 struct MethodLimits {
   std::int64_t job_bytes = 0;
   std::int64_t piece_bytes = 0;

@@ -18,7 +18,7 @@ namespace {
 
 constexpr char kDescriptor[] = "fd:";
 
-// Numbers that are tried for a connection: a crowd of users needs a few.
+// Most descriptor numbers that are tried for a connection: with many users a few are needed.
 constexpr int kMostTries = 4096;
 
 int QuarterOfDescriptors() {

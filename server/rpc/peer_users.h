@@ -1,4 +1,4 @@
-// Which user of this machine is at the other end of a Unix socket.
+// Finds the user of this machine at the other end of a Unix socket.
 #pragma once
 
 #include <cstdint>
@@ -9,30 +9,32 @@
 
 namespace planish {
 
-// gRPC does not tell who connected to a Unix socket, but it names a connection by its descriptor ("fd:12") if it is
-// given one. This table says which user such a connection belongs to. A call may ask after its connection has ended and
-// the number was given away again: so a number that once was one user's is never used for another's. Thread-safe.
+// gRPC does not tell which user connected to a Unix socket, but it names a connection that it is handed by its
+// descriptor ("fd:12"). This table maps descriptors to users. A call may ask after its connection has closed and the
+// descriptor's number was reused, so a number that once belonged to one user is never used for another user.
+// Thread-safe.
 class PeerUsers {
  public:
-  // No user has more than `most_per_user` numbers, so that none can take them all, for good. 0: a quarter of what the
-  // system allows the process.
+  // No user gets more than `most_per_user` numbers, since a number stays with its user for good and one user could take
+  // them all. 0: a quarter of the descriptors that the process may have.
   explicit PeerUsers(int most_per_user = 0);
 
-  // Asks the kernel who is at the other end of `fd`, and takes the descriptor over. The one to use in its place, often
-  // itself; -1, with errno, if the kernel does not say or this user's numbers run out; `fd` is closed then.
+  // Asks the kernel which user is at the other end of `fd`, and takes ownership of the descriptor. Returns the
+  // descriptor to use instead, often `fd` itself; -1, with errno, if the kernel does not tell or the user has no
+  // numbers left. Then `fd` is closed.
   int Add(int fd);
 
-  // The same without the kernel, for tests.
+  // Like Add(), for the user `uid`; for tests.
   int AddAs(int fd, std::uint32_t uid);
 
-  // The uid behind grpc::ServerContext::peer(); nothing if it is no Unix socket.
+  // The uid for a grpc::ServerContext::peer(); empty if that is not a Unix socket.
   std::optional<std::uint32_t> Find(const std::string& peer) const;
 
  private:
   mutable std::mutex mutex_;
   const int most_per_user_;
-  std::map<int, std::uint32_t> users_;   // by descriptor, for good; guarded by mutex_
-  std::map<std::uint32_t, int> counts_;  // of users_, by user; guarded by mutex_
+  std::map<int, std::uint32_t> users_;   // by descriptor, never erased; guarded by mutex_
+  std::map<std::uint32_t, int> counts_;  // entries of users_, by user; guarded by mutex_
 };
 
 }  // namespace planish

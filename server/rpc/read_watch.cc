@@ -19,10 +19,10 @@ namespace {
 
 constexpr std::chrono::milliseconds kLookInterval(5);
 
-// Bytes that a connection may receive beside messages.
+// Bytes that a connection may receive in addition to messages.
 constexpr std::int64_t kConnectionSlack = std::int64_t{1} << 20;
 
-// Bytes that bring a message of at most `limit`: headers, and frames of HTTP/2 and TLS round its parts.
+// Bytes on the wire for a message of at most `limit` bytes, with headers and the frames of HTTP/2 and TLS.
 std::int64_t OnTheWire(std::int64_t limit) {
   constexpr std::int64_t kHeaders = std::int64_t{16} << 10;
   return limit + limit / 8 + kHeaders;
@@ -105,7 +105,7 @@ void ReadWatch::Begin(const void* read, const std::string& peer, std::int64_t li
 }
 
 void ReadWatch::End(const void* read, const std::string& peer, std::int64_t bytes) {
-  Read ended;  // destroyed without the lock
+  Read ended;  // destroyed after the lock is released
   const std::lock_guard lock(mutex_);
   const auto found = connections_.find(peer);
   if (found == connections_.end()) return;
@@ -117,7 +117,7 @@ void ReadWatch::End(const void* read, const std::string& peer, std::int64_t byte
   connection.allowed -= OnTheWire(ended.limit) - OnTheWire(bytes);
   --reads_;
   if (!connection.reads.empty()) return;
-  // The next read starts a new count.
+  // The next read starts counting from zero.
   connection = {connection.calls, {}, 0, std::nullopt, 0};
   if (connection.calls == 0) connections_.erase(found);
 }
@@ -150,7 +150,7 @@ void ReadWatch::Look(const std::string& peer, Connection* connection, std::map<c
   const std::int64_t received = BytesReceived(*connection->descriptor) - connection->received;
   const std::int64_t allowed = connection->allowed + connection->calls * kLookaheadBytes + kConnectionSlack;
   if (received <= allowed) return;
-  // Numbers of descriptors are given away again.
+  // The descriptor's number may have been reused for another connection.
   if (PeerOf(*connection->descriptor) != peer) {
     connection->descriptor = -1;
     return;

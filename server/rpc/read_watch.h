@@ -1,4 +1,4 @@
-// Notices messages that are longer than their calls take, while they arrive.
+// Detects messages that are longer than their calls accept, while they arrive.
 #pragma once
 
 #include <condition_variable>
@@ -12,13 +12,13 @@
 
 namespace planish {
 
-// gRPC looks at the length of a message when all of it is there. But the kernel knows how many bytes a TCP connection
-// has received: where a connection with reads under way has received more than all of them take, they are too long. The
-// connection is looked at two hundred times a second, so what arrives too much is what arrives meanwhile. Unix sockets
-// do not count bytes. Thread-safe.
+// gRPC checks the length of a message only when all of it has arrived. But the kernel counts the bytes that a TCP
+// connection has received: if these are more than all running reads of the connection accept, some message is too long.
+// Connections are checked two hundred times a second, so the excess is what arrives between two checks. Unix sockets do
+// not count bytes. Thread-safe.
 class ReadWatch {
  public:
-  // What the stream of a call may send before it is read.
+  // Bytes that the stream of a call may send before they are read.
   static constexpr std::int64_t kLookaheadBytes = std::int64_t{1} << 20;
 
   ReadWatch();
@@ -26,14 +26,15 @@ class ReadWatch {
   ReadWatch(const ReadWatch&) = delete;
   ReadWatch& operator=(const ReadWatch&) = delete;
 
-  // A call with credentials has begun or is over: its stream may send some bytes before they are read.
+  // A call with credentials has begun or ended. While it runs, its stream may send kLookaheadBytes before they are
+  // read.
   void AddCall(const std::string& peer);
   void RemoveCall(const std::string& peer);
 
-  // A message of at most `limit` bytes is to be read from `peer` (grpc::ServerContext::peer()). `stop` is called at
-  // most once, on a thread of the watch, if too much comes. `read` identifies the read.
+  // Starts watching the read of a message of at most `limit` bytes from `peer` (grpc::ServerContext::peer()). `stop` is
+  // called at most once, on the watch's thread, if too many bytes arrive. `read` identifies the read.
   void Begin(const void* read, const std::string& peer, std::int64_t limit, std::function<void()> stop);
-  // A message of `bytes` bytes has come, or nothing comes any more. `stop` may still be under way.
+  // A message of `bytes` bytes has arrived, or the read ended without one. `stop` may still be running.
   void End(const void* read, const std::string& peer, std::int64_t bytes);
 
  private:
@@ -45,18 +46,18 @@ class ReadWatch {
     int calls = 0;
     std::map<const void*, Read> reads;
     std::int64_t allowed = 0;       // bytes that the reads may have received since `received`
-    std::optional<int> descriptor;  // looked for at the first look; -1: it counts no bytes
-    std::int64_t received = 0;      // bytes of the connection when it was found
+    std::optional<int> descriptor;  // found at the first check; -1: the connection does not count bytes
+    std::int64_t received = 0;      // bytes that the connection had received at that time
   };
 
   void Run();
-  // Requires mutex_. Moves out the functions to call if too much has come.
+  // Requires mutex_. Moves the reads to stop to `too_long` if too many bytes have arrived.
   void Look(const std::string& peer, Connection* connection, std::map<const void*, Read>* too_long);
 
   std::mutex mutex_;
   std::condition_variable changed_;
   // Guarded by mutex_.
-  std::map<std::string, Connection> connections_;  // those with calls or reads, by peer
+  std::map<std::string, Connection> connections_;  // connections with calls or reads, by peer
   int reads_ = 0;
   bool ending_ = false;
 

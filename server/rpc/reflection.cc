@@ -19,7 +19,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::FileDescriptor;
 using google::protobuf::internal::WireFormatLite;
 
-// An answer has some tens of kilobytes, which a caller that does not read leaves here.
+// Limits the streams, since a caller that does not read leaves an answer of some tens of kilobytes in memory.
 constexpr int kMostReflections = 32;
 
 // Numbers of fields in grpc/reflection/v1alpha/reflection.proto, for which Debian has no generated code.
@@ -42,11 +42,11 @@ enum ResponseField {
 
 struct ReflectionRequest {
   std::string host;
-  int field = 0;  // which of the questions is asked; 0: none
+  int field = 0;  // number of the field that is set; 0: none
   std::string value;
 };
 
-// Builds a message of its fields.
+// Builds a message from its fields.
 class WireWriter {
  public:
   void Text(int number, const std::string& value) {
@@ -65,7 +65,7 @@ class WireWriter {
   std::string bytes_;
 };
 
-// False if `bytes` are no message.
+// False if `bytes` are not a message.
 template <class Take>
 bool ForFields(const std::string& bytes, const Take& take) {
   google::protobuf::io::CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()),
@@ -162,7 +162,7 @@ std::pair<ResponseField, std::string> AnswerTo(const ReflectionRequest& request,
 
 }  // namespace
 
-// One question at a time.
+// A stream. It answers one question at a time.
 class ReflectionService::Stream : public Call {
  public:
   Stream(CallInfo call, ReflectionService* service) : Call(std::move(call)), service_(*service) { ++service_.streams_; }

@@ -1,5 +1,5 @@
-// grpc.reflection.v1alpha.ServerReflection, for anybody. gRPC's own reads a request of any length before it looks at
-// it.
+// grpc.reflection.v1alpha.ServerReflection, without credentials. We do not use gRPC's implementation, since it reads
+// requests of any length.
 #pragma once
 
 #include <atomic>
@@ -10,10 +10,10 @@
 
 namespace planish {
 
-// Tells of the messages and services that this program was linked with.
+// Describes the messages and services that are linked into this program.
 class ReflectionService : public RpcService {
  public:
-  // `services` are the names that it lists, its own included.
+  // `services`: the names that it lists, its own included.
   explicit ReflectionService(std::vector<std::string> services);
 
   const std::vector<Endpoint>& endpoints() const override { return endpoints_; }

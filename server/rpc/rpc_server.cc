@@ -17,7 +17,7 @@ namespace {
 
 constexpr char kServiceName[] = "planish.v1.Planish";
 
-// What a request may hold beside the mesh, and beside the piece of an upload.
+// Bytes that a request may have in addition to the mesh, or to the piece of an upload.
 constexpr std::int64_t kJobSlack = std::int64_t{16} << 20;
 constexpr std::int64_t kPieceSlack = std::int64_t{64} << 10;
 constexpr std::int64_t kDefaultPieceBytes = std::int64_t{1} << 20;
@@ -25,25 +25,27 @@ constexpr std::int64_t kDefaultPieceBytes = std::int64_t{1} << 20;
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kMinPingIntervalMs = 5'000;
-// Nobody needs longer to say who they are; gRPC would wait two minutes.
+// Time limit of the TLS handshake. gRPC's own is two minutes.
 constexpr int kHandshakeTimeoutMs = 20'000;
-// Of one connection. A proxy opens more connections; one that is out for trouble costs no more than that.
+// Concurrent calls of one connection. A proxy opens more connections; an attacker's connection costs no more than this.
 constexpr int kMaxStreams = 4096;
 
 void Configure(grpc::ServerBuilder* builder) {
-  // Call and ReadWatch limit the length of messages. gRPC's own limit is checked when all of a message is there.
+  // No limit here: Call and ReadWatch limit the length of messages. gRPC checks its own limit only when all of a
+  // message has arrived.
   builder->SetMaxReceiveMessageSize(-1);
-  // Calls with compressed messages end with UNIMPLEMENTED. A few bytes would become as many as one wants, before
-  // anybody can look at them.
+  // Calls with compressed messages end with UNIMPLEMENTED: a few bytes could inflate to any size before they are
+  // checked.
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
   builder->AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
-  // What a stream may send unread. gRPC would begin with 64 KiB and go up to 4 MiB by itself.
+  // A fixed window for what a stream may send before it is read. By default gRPC would start at 64 KiB and grow to 4
+  // MiB.
   builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, static_cast<int>(ReadWatch::kLookaheadBytes));
-  // Two servers on one port would share its connections at random.
+  // Otherwise two servers on one port would share its connections at random.
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  // A caller whose machine vanished is noticed within kKeepaliveMs + kKeepaliveTimeoutMs, and its job cancelled.
+  // A caller whose machine vanished is detected within kKeepaliveMs + kKeepaliveTimeoutMs, and its job is cancelled.
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
@@ -121,7 +123,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     rpc_server->addresses_.push_back(absl::StrCat(address.text.substr(0, address.text.rfind(':')), ":", ports[i]));
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->SetReady(true);  // "" is SERVING by itself
+  rpc_server->SetReady(true);  // "" is SERVING from the start
   rpc_server->self_ = rpc_server->server_->InProcessChannel(grpc::ChannelArguments());
   rpc_server->ServeUnixSockets(std::move(listeners), options.peers);
   return rpc_server;
@@ -147,7 +149,8 @@ void RpcServer::SetReady(bool ready) {
   health_.Set(kServiceName, ready);
 }
 
-// By hand, since Debian has no generated code for the health service. A request without a field is for "".
+// Encodes the request by hand, since Debian has no generated code for the health service. A request without a field is
+// for "".
 bool RpcServer::Answers(absl::Duration limit) {
   std::shared_ptr<grpc::Channel> self;
   {
@@ -168,7 +171,7 @@ bool RpcServer::Answers(absl::Duration limit) {
   call->Finish(&answer, &status, nullptr);
   void* tag = nullptr;
   bool ok = false;
-  queue.Next(&tag, &ok);  // comes at the deadline at the latest
+  queue.Next(&tag, &ok);  // returns at the deadline at the latest
   queue.Shutdown();
   return status.ok();
 }
@@ -178,7 +181,7 @@ void RpcServer::Shutdown(absl::Time deadline) {
     const std::lock_guard lock(mutex_);
     self_ = nullptr;
   }
-  acceptor_.reset();  // before the server that it feeds
+  acceptor_.reset();  // before the server that it passes connections to
   server_->Shutdown(absl::ToChronoTime(deadline));
   socket_files_.clear();
 }

@@ -31,42 +31,42 @@ struct RpcServerOptions {
   std::vector<ListenAddress> listen;      // at least one
   const CallerSource* callers = nullptr;  // must outlive the server
   std::int64_t max_mesh_bytes = 0;
-  std::int64_t upload_chunk_bytes = 0;  // of data in one message; 0: 1 MiB
-  CallListener on_call;                 // null: nobody listens
+  std::int64_t upload_chunk_bytes = 0;  // data in one message of an upload; 0: 1 MiB
+  CallListener on_call;                 // may be null
 
   // For all TCP addresses; null: plaintext. Unix sockets never need it.
   std::shared_ptr<TlsIdentity> tls;
-  // Learns who connects to Unix sockets. Must outlive the server's Shutdown(); null: nobody wants to know.
+  // Records which users connect to Unix sockets. Must outlive the server's Shutdown(). May be null.
   PeerUsers* peers = nullptr;
-  // Of socket files, as for chmod.
+  // Mode of socket files, as for chmod.
   unsigned socket_mode = 0600;
-  // Bytes that connections and messages on the way in may take together, more or less, and bytes that parsed messages
-  // may take; 0: no limit. MessageMemory.
+  // Limit of MessageMemory: bytes that connections and arriving messages may take together, roughly, and bytes that
+  // parsed messages may take. 0: no limit.
   std::int64_t quota_bytes = 0;
 };
 
 // Thread-safe.
 class RpcServer {
  public:
-  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE with a message that names the
-  // address that cannot be had, and why.
+  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE if an address cannot be used; the
+  // message has the address and the reason.
   static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
                                                           const std::vector<RpcService*>& services);
 
-  // Shutdown(now) if nobody did.
+  // Calls Shutdown(now) if that has not happened.
   ~RpcServer();
 
-  // With the port that the system chose in place of port 0.
+  // The addresses, with the port that the system chose in place of port 0.
   const std::vector<std::string>& addresses() const { return addresses_; }
 
-  // What grpc.health.v1 says of planish.v1.Planish from now on; SERVING at the start. The service "", which means that
-  // the process lives, is SERVING until Shutdown().
+  // Sets the health of planish.v1.Planish, which is SERVING at the start. The service "", which stands for the process,
+  // is SERVING until Shutdown().
   void SetReady(bool ready);
 
   // Whether a health check, made from inside this process, is answered within `limit`.
   bool Answers(absl::Duration limit);
 
-  // Takes no new calls, waits for those under way until `deadline`, then cuts them off. Removes socket files.
+  // Refuses new calls, waits for running ones until `deadline`, then ends them. Removes socket files.
   void Shutdown(absl::Time deadline);
 
  private:
@@ -74,7 +74,7 @@ class RpcServer {
   void Register(const std::vector<RpcService*>& services, grpc::ServerBuilder* builder);
   void ServeUnixSockets(std::vector<std::unique_ptr<UnixListener>> listeners, PeerUsers* peers);
 
-  // Constant after Start(). All that calls use is above server_, which ends them.
+  // Constant after Start(). Everything that calls use is declared before server_, whose destructor ends the calls.
   std::vector<std::string> addresses_;
   MessageMemory memory_;
   ReadWatch watch_;
@@ -88,7 +88,7 @@ class RpcServer {
   std::mutex mutex_;
   std::shared_ptr<grpc::Channel> self_;  // guarded by mutex_; null after Shutdown()
 
-  // Touched by Start() and Shutdown() only.
+  // Used by Start() and Shutdown() only.
   std::unique_ptr<PeerUsers> own_peers_;
   std::unique_ptr<UnixAcceptor> acceptor_;
   std::vector<std::unique_ptr<SocketFile>> socket_files_;

@@ -23,27 +23,27 @@
 namespace planish {
 namespace {
 
-// Threads for calls by what they do (methods.h).
+// Numbers of threads for calls, by their Work (methods.h).
 constexpr int kReadThreads = 4;
 constexpr int kWriteThreads = 4;
 constexpr int kUploadThreads = 3;
 
-// Where a server does not say how much a message may hold.
+// Largest piece of an upload, if the capabilities do not set it.
 constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
 
 constexpr char kFailpointKey[] = "planish-failpoint";
 
-// Of a WaitJob.
+// Default timeout of WaitJob.
 constexpr absl::Duration kDefaultWait = absl::Seconds(30);
 constexpr absl::Duration kLongestWait = absl::Minutes(1);
 
-// Of a ReadResult: fits into the messages of 4 MiB that clients take unless they ask for more.
+// Most bytes in an answer of ReadResult: fits into the messages of 4 MiB that clients accept by default.
 constexpr std::int64_t kMostResultBytes = std::int64_t{1} << 20;
 
-// Of a BatchCreateJobs and a FindMissingMeshes.
+// Most entries in a BatchCreateJobs or a FindMissingMeshes.
 constexpr int kMostInBatch = 1000;
-// Jobs of a batch that are committed together: a sync for each would take longer than all the rest, and more of them
-// would hold up other writers for longer.
+// Jobs of a batch that are committed together. A sync for each job would take longer than everything else; larger
+// transactions would block other writers for longer.
 constexpr int kBatchSlice = 50;
 
 absl::Status FieldIsWrong(const std::string& field, const std::string& message) {
@@ -65,8 +65,8 @@ v1::Job InView(v1::Job job, v1::JobView view) {
   return job;
 }
 
-// The error of a call that has a JobSpec: fields are named by their paths in the request, and what is wrong with the
-// mesh by the kind of mesh that was given.
+// The error of a call that has a JobSpec. Fields get their paths in the request; errors about the mesh name the field
+// of the mesh that was given.
 absl::Status WithinSpec(const absl::Status& status, v1::JobSpec::MeshCase mesh) {
   if (status.code() != absl::StatusCode::kInvalidArgument) return status;
   ErrorInfo info = ErrorInfoOf(status);
@@ -97,7 +97,7 @@ absl::StatusOr<JobRequest> TakeSpec(const Caller& caller, v1::JobSpec* spec, Upl
   return job;
 }
 
-// A BatchCreateJobs. Other tenants, and other calls of this one, have their turn between two slices of the batch.
+// A BatchCreateJobs call. Between two slices of the batch, other tenants and other calls of the same tenant can run.
 class BatchCall : public Call {
  public:
   // Answers the next requests of the batch, up to kBatchSlice.
@@ -125,7 +125,7 @@ class BatchCall : public Call {
 
   const TenantTasks tasks_;
   const Slice slice_;
-  ReceivedMessagePtr message_;  // for its share of the memory
+  ReceivedMessagePtr message_;  // holds its share of the memory
   v1::BatchCreateJobsRequest request_;
   v1::BatchCreateJobsResponse response_;
 };
@@ -164,7 +164,7 @@ class PlanishService : public RpcService {
   const std::vector<Endpoint>& endpoints() const override { return endpoints_; }
 
  private:
-  // ---- calls that last
+  // ---- streams and long calls
 
   std::shared_ptr<Call> Unwrap(CallInfo info) {
     const TenantTasks tasks = TasksOf(info);
@@ -350,7 +350,7 @@ class PlanishService : public RpcService {
   void CreateSlice(const CallInfo& call, v1::BatchCreateJobsRequest* request, v1::BatchCreateJobsResponse* response) {
     const int begin = response->results_size();
     const int end = std::min(begin + kBatchSlice, request->requests_size());
-    std::vector<absl::Status> refused;  // of each; OK: it is one of `jobs`
+    std::vector<absl::Status> refused;  // one for each request; OK: the request is one of `jobs`
     std::vector<JobRequest> jobs;
     std::vector<v1::JobSpec::MeshCase> meshes;
     for (int i = begin; i < end; ++i) {
@@ -376,7 +376,7 @@ class PlanishService : public RpcService {
     }
   }
 
-  // Null: the call needs none.
+  // The threads that run the call; null: it needs none.
   TaskThreads* ThreadsOf(const Method& method) {
     if (method.work == Work::kNone) return nullptr;
     if (method.work == Work::kMoves) return &upload_threads_;

@@ -1,4 +1,4 @@
-// The service planish.v1.Planish on a JobManager and an UploadStore.
+// The service planish.v1.Planish, on top of a JobManager and an UploadStore.
 #pragma once
 
 #include <functional>
@@ -17,13 +17,13 @@ struct ServiceOptions {
   // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
   bool failpoints = false;
   double progress_per_second = 1000;  // StreamSurroundings
-  // Brings capabilities up to date before they are sent to a caller: limits may change while the server runs, and some
-  // are a tenant's own. Thread-safe; null: nothing changes.
+  // Updates the capabilities before they are sent to a caller, since limits may change while the server runs, and
+  // tenants may have their own. Thread-safe. May be null.
   std::function<void(const Caller&, v1::Capabilities*)> update_capabilities;
 };
 
-// Contracts of the calls: proto/planish/v1/planish.proto; what they take: methods.h. `manager`, `uploads` and
-// `streams`, which counts the streams of this service, must outlive it.
+// proto/planish/v1/planish.proto has the contracts of the calls, methods.h their limits. `streams` counts the streams
+// of this service. `manager`, `uploads` and `streams` must outlive it.
 std::unique_ptr<RpcService> NewPlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options,
                                               StreamCounter* streams);
 

@@ -31,7 +31,7 @@ void StreamCounter::AddSender(const std::shared_ptr<Interruptible>& call) {
   call->Interrupt();
 }
 
-// Not under the lock: gRPC may end a call on this very thread.
+// The calls are interrupted without the lock, since gRPC may end a call on this very thread.
 void StreamCounter::InterruptSenders() {
   std::vector<std::weak_ptr<Interruptible>> senders;
   {

@@ -11,17 +11,17 @@
 
 namespace planish {
 
-// A call by which a caller sends, and which may wait for the caller without end.
+// A call that receives a stream, and may wait for its caller without limit.
 class Interruptible {
  public:
   virtual ~Interruptible() = default;
 
-  // Ends the call soon with UNAVAILABLE, DRAINING. Any thread; at most once.
+  // Ends the call soon with UNAVAILABLE, DRAINING. Called on any thread, at most once.
   virtual void Interrupt() = 0;
 };
 
-// Counts the streams under way, so that a shutdown can wait for the last events to be delivered. (grpc::Server's own
-// shutdown waits for connections instead, and a client that is idle does not close its own.) Thread-safe.
+// Counts open streams, so that a shutdown can wait until the last events are delivered. (grpc::Server's own shutdown
+// waits for connections instead, and idle clients do not close theirs.) Thread-safe.
 class StreamCounter {
  public:
   void Add();
@@ -29,22 +29,22 @@ class StreamCounter {
 
   int count() const { return count_; }
 
-  // Bytes of UV that streams were given to send, ever.
+  // Total bytes of UV that streams have sent.
   void AddUvBytes(std::int64_t bytes) { uv_bytes_ += bytes; }
   std::int64_t uv_bytes() const { return uv_bytes_; }
 
   // Waits until there are none; false if `deadline` passes first.
   bool WaitForNone(absl::Time deadline);
 
-  // The call is interrupted with the others as long as it lives, or at once if that has been.
+  // Registers a call for InterruptSenders(). It is interrupted at once if that was called before.
   void AddSender(const std::shared_ptr<Interruptible>& call);
-  // Interrupts the calls of AddSender(). A server that only closed its sockets would end some of them with CANCELLED,
-  // as if the caller had given up, and the caller would not come back.
+  // Interrupts all registered calls. If the server only closed its sockets, some of them would end with CANCELLED, as
+  // if the caller had given up, and the caller would not come back.
   void InterruptSenders();
 
  private:
   std::mutex mutex_;
-  std::vector<std::weak_ptr<Interruptible>> senders_;  // guarded by mutex_; some may be gone
+  std::vector<std::weak_ptr<Interruptible>> senders_;  // guarded by mutex_; may have expired
   bool interrupted_ = false;                           // guarded by mutex_
   std::condition_variable none_;
   std::atomic<int> count_ = 0;  // written under mutex_

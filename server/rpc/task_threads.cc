@@ -42,7 +42,7 @@ void TaskThreads::Run() {
   std::unique_lock lock(mutex_);
   while (true) {
     Tenant* tenant = nullptr;
-    // Tasks that no thread may take yet are left, at the end too, to the threads that run their tenants' other tasks.
+    // Tasks that may not start yet are left, also at the end, to the threads that run the same tenant's other tasks.
     changed_.wait(lock, [&] { return (tenant = Next()) != nullptr || ending_; });
     if (tenant == nullptr) return;
     std::function<void()> task = std::move(tenant->tasks.front());

@@ -14,7 +14,7 @@
 namespace planish {
 namespace {
 
-// A certificate that ends sooner than this is worth a warning.
+// A certificate that expires sooner than this causes a warning.
 constexpr absl::Duration kSoon = absl::Hours(14 * 24);
 
 absl::Time TimeOf(const ASN1_TIME* time) {
@@ -49,9 +49,8 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
   const KeyPtr key = KeyIn(material.key, &is_encrypted);
   if (key == nullptr) {
     return absl::InvalidArgumentError(
-        files.key + (is_encrypted
-                         ? ": the key is encrypted, which a server without anybody to type a password cannot use"
-                         : ": no private key in PEM"));
+        files.key +
+        (is_encrypted ? ": the key is encrypted; a server needs a key without a password" : ": no private key in PEM"));
   }
   if (X509_check_private_key(chain[0].get(), key.get()) != 1) {
     ERR_clear_error();
@@ -66,7 +65,7 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
   }
   struct stat info = {};
   if (stat(files.key.c_str(), &info) == 0 && (info.st_mode & (S_IROTH | S_IWOTH)) != 0) {
-    material.warnings.push_back(files.key + ": everybody on this machine may read or change it: chmod o-rw " +
+    material.warnings.push_back(files.key + ": everybody on this machine can read or change it: chmod o-rw " +
                                 files.key);
   }
   if (files.client_ca.empty()) return material;

@@ -1,4 +1,4 @@
-// The files of TLS: read, and checked before anybody trusts them.
+// Reads and checks the files of TLS.
 #pragma once
 
 #include <string>
@@ -12,16 +12,16 @@ namespace planish {
 
 // Paths of PEM files.
 struct TlsFiles {
-  std::string certificate;  // the server's own, then those between it and the root
+  std::string certificate;  // the server's certificate, then the intermediate ones
   std::string key;          // of the certificate, not encrypted
-  std::string client_ca;    // who signs certificates of clients; empty: clients are not asked for any
+  std::string client_ca;    // CA of client certificates; empty: clients are not asked for one
 };
 
 struct TlsMaterial {
   std::string certificate;
   std::string key;
   std::string client_ca;
-  absl::Time not_after;               // when the server's certificate ends
+  absl::Time not_after;               // when the server's certificate expires
   std::vector<std::string> warnings;  // e.g. that everybody may read the key
 };
 
@@ -29,7 +29,7 @@ struct TlsMaterial {
 // belong to the key or is not valid at `now`.
 absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now);
 
-// When the first certificate in `pem` ends; InfinitePast if there is none.
+// When the first certificate in `pem` expires; InfinitePast if there is none.
 absl::Time CertificateEnd(const std::string& pem);
 
 }  // namespace planish

@@ -8,7 +8,7 @@
 
 namespace planish {
 
-// What the files held when they were last in order, with a number that ascends when that changes.
+// The contents of the files when they were last valid, with a number that increases with each change.
 class TlsIdentity::Current {
  public:
   void Set(TlsMaterial material) {
@@ -29,13 +29,13 @@ class TlsIdentity::Current {
     return material_.warnings;
   }
 
-  // A configuration for gRPC, unless the caller has that of this number already.
+  // A configuration for gRPC, or null if the caller already has the one with this number.
   grpc_ssl_server_certificate_config* NewerThan(int* number) const {
     const std::lock_guard lock(mutex_);
     if (*number == number_) return nullptr;
     *number = number_;
     const grpc_ssl_pem_key_cert_pair pair = {material_.key.c_str(), material_.certificate.c_str()};
-    // gRPC 1.51 aborts without roots, also where it never asks for what they would have signed.
+    // gRPC 1.51 aborts without roots, even if it never uses them.
     const std::string& roots = material_.client_ca.empty() ? material_.certificate : material_.client_ca;
     return grpc_ssl_server_certificate_config_create(roots.c_str(), &pair, 1);
   }
@@ -62,19 +62,19 @@ grpc_ssl_client_certificate_request_type RequestType(ClientAuth client_auth) {
 
 }  // namespace
 
-// grpc::experimental::FileWatcherCertificateProvider would watch the files by itself, but takes them as they come: a
-// certificate that does not match its key stops all handshakes. gRPC's C interface asks for a configuration at each
-// handshake instead, so it gets what was checked.
+// We do not use grpc::experimental::FileWatcherCertificateProvider, since it does not check the files: a certificate
+// that does not match its key would fail all handshakes. gRPC's C interface asks for a configuration at each handshake
+// instead, and gets the checked files.
 class TlsIdentity::Credentials : public grpc::ServerCredentials {
  public:
   Credentials(std::shared_ptr<const Current> current, ClientAuth client_auth)
       : current_(std::move(current)), client_auth_(client_auth) {}
 
-  // Calls are judged one by one, by CallerSource.
+  // Not needed: CallerSource checks each call.
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
 
  private:
-  // One for each listener: gRPC remembers a configuration by listener.
+  // One for each listener, since gRPC remembers a configuration by listener.
   struct Listener {
     std::shared_ptr<const Current> current;
     std::mutex mutex;
@@ -91,7 +91,7 @@ class TlsIdentity::Credentials : public grpc::ServerCredentials {
   int AddPortToServer(const std::string& address, grpc_server* server) override {
     listeners_.push_back(std::make_unique<Listener>());
     listeners_.back()->current = current_;
-    // Takes the options over.
+    // Takes ownership of the options.
     grpc_server_credentials* credentials =
         grpc_ssl_server_credentials_create_with_options(grpc_ssl_server_credentials_create_options_using_config_fetcher(
             RequestType(client_auth_), &Credentials::Fetch, listeners_.back().get()));

@@ -1,4 +1,4 @@
-// A server's certificate and key, which may change while it serves.
+// A server's certificate and key, which can be replaced while it serves.
 #pragma once
 
 #include <functional>
@@ -12,7 +12,8 @@
 
 namespace planish {
 
-// What clients are asked for. kRequest: those that send a certificate must have a valid one. kRequire: all of them.
+// Whether clients are asked for a certificate. kRequest: a client may send one, which must be valid. kRequire: every
+// client must.
 enum class ClientAuth { kNone, kRequest, kRequire };
 
 // Thread-safe. TLS 1.2 and 1.3.
@@ -22,23 +23,23 @@ class TlsIdentity {
   static absl::StatusOr<std::shared_ptr<TlsIdentity>> Load(const TlsFiles& files, ClientAuth client_auth,
                                                            absl::Time now);
 
-  // Reads the files again; the function puts them in force for new connections, open ones go on. Errors of
-  // LoadTlsFiles().
+  // Reads the files again; calling the returned function puts them in force for new connections. Open connections are
+  // not affected. Errors of LoadTlsFiles().
   absl::StatusOr<std::function<void()>> Prepare(absl::Time now);
 
-  // Both at once. If anything is wrong all stays as it was and the error says what.
+  // Prepare(), and then the returned function. If anything is wrong, nothing changes and the error says what.
   absl::Status Reload(absl::Time now);
 
-  // For grpc::ServerBuilder. Connections ask for the files' content as they come, so this object lives on with it.
+  // For grpc::ServerBuilder. Each new connection asks it for the current files, so it keeps this object's data alive.
   std::shared_ptr<grpc::ServerCredentials> credentials() const { return credentials_; }
 
   const TlsFiles& files() const { return files_; }
   ClientAuth client_auth() const { return client_auth_; }
 
-  // When the certificate in force ends.
+  // When the certificate in force expires.
   absl::Time not_after() const;
 
-  // Of LoadTlsFiles(), last time.
+  // The warnings of the last LoadTlsFiles().
   std::vector<std::string> warnings() const;
 
  private:

@@ -6,8 +6,8 @@
 
 namespace planish {
 
-// The W3C trace context (metadata "traceparent") that a call came with: the caller's if there is exactly one and it is
-// valid, else a new one.
+// The W3C trace context of a call: that of its metadata "traceparent" if there is exactly one and it is valid, else a
+// new one.
 std::string TraceparentOf(const grpc::CallbackServerContext& context);
 
 }  // namespace planish

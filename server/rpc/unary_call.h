@@ -1,4 +1,4 @@
-// Methods that answer one request with one response.
+// Calls with one request and one response.
 #pragma once
 
 #include <functional>
@@ -11,14 +11,14 @@
 
 namespace planish {
 
-// The response to `message`, or an error. Runs on a task thread, unless the call was cancelled before.
+// Returns the response to `message`, or an error. Runs on a task thread; not called if the call was cancelled before.
 using UnaryHandler = std::function<absl::StatusOr<std::unique_ptr<google::protobuf::Message>>(
     const CallInfo&, ReceivedMessage& message)>;
 
-// A maker of calls that `handler` answers. `threads` outlives them; null: `handler` runs at once, on gRPC's thread.
+// Makes calls that `handler` answers. `threads` outlives them; null: `handler` runs at once, on gRPC's thread.
 CallMaker MakeUnaryCalls(TaskThreads* threads, UnaryHandler handler);
 
-// A handler that is given the parsed request. `Response handle(const CallInfo&, Request*)`, as absl::StatusOr.
+// A handler from a function on parsed messages: absl::StatusOr<Response> handle(const CallInfo&, Request*).
 template <class Request, class Response, class Handle>
 UnaryHandler ParsedUnary(Handle handle) {
   return [handle = std::move(handle)](

@@ -15,10 +15,10 @@
 namespace planish {
 namespace {
 
-// As many as the kernel allows (net.core.somaxconn): hundreds of clients come back at once when a server was restarted.
+// As long as the kernel allows (net.core.somaxconn): after a restart hundreds of clients come back at once.
 constexpr int kBacklog = 4096;
 
-// After an accept that failed for want of descriptors or memory.
+// Pause after accept() failed for lack of descriptors or memory.
 constexpr int kPauseMs = 50;
 
 absl::Status Failed(int fd) {

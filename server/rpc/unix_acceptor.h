@@ -1,4 +1,4 @@
-// Unix sockets whose callers are known by their user.
+// Accepts connections to Unix sockets, so that the user of each can be found.
 #pragma once
 
 #include <sys/types.h>
@@ -17,8 +17,8 @@ namespace planish {
 // A listening Unix socket, closed with this object; SocketFile removes its file.
 class UnixListener {
  public:
-  // A socket file at `path` with these permissions; nobody gets in before it has them. Nobody may be listening there:
-  // see RemoveStaleSocket(). UNAVAILABLE with the system's reason.
+  // Listens on a socket file at `path`. The file has the mode `mode` before the first connection is accepted. No server
+  // may be listening there: see RemoveStaleSocket(). UNAVAILABLE with the system's reason.
   static absl::StatusOr<std::unique_ptr<UnixListener>> Open(const std::string& path, mode_t mode);
   ~UnixListener();
   UnixListener(const UnixListener&) = delete;
@@ -32,13 +32,13 @@ class UnixListener {
   const int fd_;
 };
 
-// Takes connections on a thread of its own.
+// Accepts connections on its own thread.
 class UnixAcceptor {
  public:
-  // `take` gets every connection, non-blocking, and owns it. Where it cannot be had (descriptors run out, say) the next
-  // attempt comes a little later.
+  // `take` gets every connection as a non-blocking descriptor, which it then owns. If accepting fails (for want of
+  // descriptors, say), it is tried again a little later.
   UnixAcceptor(std::vector<std::unique_ptr<UnixListener>> listeners, std::function<void(int fd)> take);
-  // Stops; no connection is taken any more.
+  // Stops accepting.
   ~UnixAcceptor();
   UnixAcceptor(const UnixAcceptor&) = delete;
   UnixAcceptor& operator=(const UnixAcceptor&) = delete;

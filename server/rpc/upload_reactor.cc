@@ -20,11 +20,11 @@ absl::Status FieldInvalid(const std::string& field, const std::string& message) 
 absl::Status Draining() {
   constexpr absl::Duration kRetryDelay = absl::Seconds(1);
   return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
-                                  "the server is shutting down; the upload goes on where committed_bytes says"),
+                                  "the server is shutting down; continue the upload at committed_bytes"),
                         kRetryDelay);
 }
 
-// Either a read or a task is under way, never both, and the task's data need no lock.
+// At any time either a read or a task runs, never both, so the task's data need no lock.
 class UploadReactor : public Call, public Interruptible {
  public:
   UploadReactor(CallInfo call, UploadStore* uploads, std::int64_t max_chunk_bytes, TaskThreads* tasks,
@@ -35,7 +35,7 @@ class UploadReactor : public Call, public Interruptible {
     {
       const std::lock_guard lock(mutex_);
       interrupted_ = true;
-      if (busy_ || std::exchange(finished_, true)) return;  // the task sees to it
+      if (busy_ || std::exchange(finished_, true)) return;  // the task will finish the call
     }
     Conclude(Draining());
   }
@@ -56,7 +56,7 @@ class UploadReactor : public Call, public Interruptible {
 
   std::shared_ptr<UploadReactor> Self() { return std::static_pointer_cast<UploadReactor>(shared_from_this()); }
 
-  // Null: there is no other message.
+  // Starts a task for `message`; null: there are no more messages.
   void Go(ReceivedMessagePtr message) {
     {
       const std::lock_guard lock(mutex_);
@@ -83,9 +83,9 @@ class UploadReactor : public Call, public Interruptible {
     Conclude(status);
   }
 
-  // Requires that nothing else is under way, and nothing will be.
+  // Finishes the call. Requires that no read and no task runs or will run.
   void Conclude(const absl::StatusOr<v1::Upload>& upload) {
-    writer_ = UploadWriter();  // before the caller hears of it, and may come back
+    writer_ = UploadWriter();  // before the caller gets the answer and may come back
     upload.ok() ? EndWith(*upload) : End(upload.status());
   }
 
@@ -105,7 +105,7 @@ class UploadReactor : public Call, public Interruptible {
     return writer_.Append(request.offset(), request.data());
   }
 
-  // The caller has sent all it wants to send, or is gone.
+  // The answer after the caller's last message.
   absl::StatusOr<v1::Upload> Answer() {
     if (writer_.name().empty()) return FieldInvalid("name", "the call has no message");
     return uploads_->Get(info().caller, writer_.name());
@@ -119,7 +119,7 @@ class UploadReactor : public Call, public Interruptible {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  bool busy_ = false;  // a task is under way
+  bool busy_ = false;  // a task is running
   bool interrupted_ = false;
   bool finished_ = false;
 };

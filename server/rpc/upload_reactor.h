@@ -11,9 +11,9 @@
 
 namespace planish {
 
-// Takes message after message in on one of the `tasks` threads, and asks gRPC for the next one only then: a sender is
-// never faster than the disk. Answers with the upload as it is at the end, or with UNAVAILABLE after
-// InterruptSenders(). All outlive the call.
+// Adds each message to the upload on one of the threads of `tasks`, and reads the next message only after that, so that
+// the sender cannot be faster than the disk. Answers with the state of the upload at the end, or with UNAVAILABLE after
+// InterruptSenders(). The arguments outlive the call.
 std::shared_ptr<Call> ReceiveUpload(CallInfo info, UploadStore* uploads, std::int64_t max_chunk_bytes,
                                     TaskThreads* tasks, StreamCounter* streams);
 

@@ -49,7 +49,7 @@ class WaitReactor : public Call {
       events_ = events;
     }
     Check(*events);
-    // Not under the lock: an alarm that is due may ring on this thread.
+    // Set without the lock, since an alarm that is due may fire on this thread.
     alarm_.Set(absl::ToChronoTime(absl::Now() + wait->timeout), [weak](bool) {
       if (const auto alive = weak.lock()) alive->Settle(absl::OkStatus());
     });
@@ -60,7 +60,7 @@ class WaitReactor : public Call {
     if (read.ended) Settle(read.status);
   }
 
-  // Any thread; the first one decides.
+  // Called on any thread. The first call decides the outcome.
   void Settle(const absl::Status& status) {
     {
       const std::lock_guard lock(mutex_);
@@ -79,7 +79,7 @@ class WaitReactor : public Call {
   const TenantTasks tasks_;
 
   std::mutex mutex_;
-  // Guarded by mutex_; the subscription is dropped by OnEnd(), and what `get_` says is asked for once settled.
+  // Guarded by mutex_. OnEnd() drops the subscription. `get_` is called once settled.
   bool settled_ = false;
   std::function<absl::StatusOr<v1::Job>()> get_;
   std::shared_ptr<const JobEventLog> events_;  // keeps them alive while we wait

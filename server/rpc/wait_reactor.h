@@ -15,15 +15,15 @@ namespace planish {
 
 struct WaitedJob {
   WatchedJob job;
-  std::function<absl::StatusOr<v1::Job>()> get;  // the job as it is then; runs on a task thread
+  std::function<absl::StatusOr<v1::Job>()> get;  // reads the job when the wait is over; runs on a task thread
   absl::Duration timeout;
 };
 
-// Finds the job that a request is about; runs on a task thread.
+// Finds the job of a request. Runs on a task thread.
 using WaitOpener = std::function<absl::StatusOr<WaitedJob>(const CallInfo&, ReceivedMessage& request)>;
 
-// Answers with what `get` says once the job has ended, its log was interrupted (that error instead), or the timeout has
-// passed. The threads of `tasks` outlive the call.
+// Answers with the result of `get` once the job has ended or the timeout has passed; with the log's error if the log
+// was interrupted. The threads of `tasks` outlive the call.
 std::shared_ptr<Call> AwaitJob(CallInfo info, WaitOpener open, TenantTasks tasks);
 
 }  // namespace planish

@@ -14,7 +14,7 @@
 namespace planish {
 namespace {
 
-// Shorter intervals between progress events are as good as none.
+// Intervals between progress events that are shorter than this are treated as zero.
 constexpr absl::Duration kUnpacedInterval = absl::Milliseconds(20);
 
 template <class Response>
@@ -74,7 +74,7 @@ class WatchReactor : public Call {
     absl::StatusOr<OpenedJob> opened = open_(info(), message);
     if (!opened.ok()) return End(opened.status());
     const std::weak_ptr<WatchReactor> weak = Self();
-    // While busy_, which keeps OnEnd() away.
+    // busy_ is set here, so OnEnd() cannot run meanwhile.
     subscription_ = opened->job.events->Subscribe([weak] {
       if (const auto alive = weak.lock()) alive->Pump();
     });
@@ -90,7 +90,7 @@ class WatchReactor : public Call {
     Pump();
   }
 
-  // On a task thread: releasing a job writes to the store, which gRPC's own threads must not wait for.
+  // Runs on a task thread, since releasing a job writes to the store, which gRPC's threads must not wait for.
   void Detach() {
     const auto released = std::make_shared<JobAttachment>();
     Parting parting = HasPassed(deadline_) ? Parting::kForGood : Parting::kMayReturn;
@@ -103,7 +103,7 @@ class WatchReactor : public Call {
     tasks_.release_on.Post([released, parting] { released->Release(parting); });
   }
 
-  // Starts the next operation if none is under way. Any thread.
+  // Starts the next operation if none is running. Called on any thread.
   void Pump() {
     JobStream::Step step = JobStream::Step::kEnd;
     Response response;
@@ -118,9 +118,9 @@ class WatchReactor : public Call {
         if (step == JobStream::Step::kWait) return;
         status = stream_->status();
       }
-      busy_ = true;  // for good if this is the end
+      busy_ = true;  // stays set if this is the end
     }
-    // Outside the lock: gRPC may react on this very thread. After End() `this` may be gone.
+    // Without the lock, since gRPC may react on this very thread. After End() `this` may be gone.
     if (step == JobStream::Step::kEnd) {
       End(status);
     } else {
@@ -168,7 +168,7 @@ class WatchReactor : public Call {
   const JobOpener open_;
   const StreamTasks tasks_;
   const StreamSurroundings surroundings_;
-  bool is_counted_ = false;  // among the streams; from OnMessage() on
+  bool is_counted_ = false;  // in streams; from OnMessage() on
 
   // Set by Open(), dropped by OnEnd().
   JobEventLog::Subscription subscription_;
@@ -177,10 +177,10 @@ class WatchReactor : public Call {
   // Guarded by mutex_.
   std::optional<JobStream> stream_;  // set before busy_ is first false
   JobAttachment attachment_;
-  bool busy_ = true;  // Open() is to come or under way
+  bool busy_ = true;  // Open() will run or is running
   bool gone_ = false;
-  absl::Time last_progress_ = absl::InfinitePast();  // sent
-  grpc::Alarm alarm_;                                // wakes us when progress was held back
+  absl::Time last_progress_ = absl::InfinitePast();  // when progress was last sent
+  grpc::Alarm alarm_;                                // fires when held-back progress may be sent
   bool armed_ = false;
 };
 

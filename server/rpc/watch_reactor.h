@@ -14,15 +14,15 @@
 
 namespace planish {
 
-// What streams share. All of it outlives them.
+// What all streams share. All of it outlives them.
 struct StreamSurroundings {
   StreamCounter* streams;
-  // Progress events that all streams together send in a second, so that a crowd of watchers costs a few percent of one
-  // core (about 25 us each): the more streams there are the fewer events each gets, always the newest.
+  // Progress events per second of all streams together, so that many watchers cost only a few percent of one core
+  // (about 25 us for an event). With more streams, each gets fewer events, always the newest.
   double progress_per_second = 1000;
 };
 
-// A job whose events are sent, and from where on.
+// A job whose events are sent, and the position at which to begin.
 struct OpenedJob {
   WatchedJob job;
   JobStream::Position position;
@@ -34,12 +34,12 @@ struct StreamTasks {
   TenantTasks release_on;  // to release the job, which writes to the store
 };
 
-// Finds the job that a request is about; runs on a task thread, unless the caller is gone by then.
+// Finds the job of a request. Runs on a task thread; not called if the caller is gone by then.
 using JobOpener = std::function<absl::StatusOr<OpenedJob>(const CallInfo&, ReceivedMessage& request)>;
 
-// Sends the events of the job that `open` brings, then its UV, and ends with open's error if it brings none. One write
-// is under way at a time: a slow reader leaves events in the log, where old progress gives way to new, and holds up
-// nobody. The attachment that `open` brings is released when the caller goes away, or its deadline passes.
+// Sends the events of the job that `open` returns, then its UV; ends with the error of `open` if it fails. There is one
+// write at a time: a slow reader leaves events in the log, where new progress replaces old, and delays nobody else. The
+// attachment that `open` returns is released when the caller goes away or its deadline passes.
 std::shared_ptr<Call> StreamUnwrap(CallInfo info, JobOpener open, StreamTasks tasks,
                                    const StreamSurroundings& surroundings);
 std::shared_ptr<Call> StreamWatchJob(CallInfo info, JobOpener open, StreamTasks tasks,

@@ -21,11 +21,11 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::MessageFactory;
 using google::protobuf::internal::WireFormatLite;
 
-// As deep as protobuf's own parser goes.
+// The depth limit of protobuf's own parser.
 constexpr int kMaxDepth = 100;
 
-// Bytes beside the contents: of a string with its pointer and its allocation, of an entry of a map, of an unknown
-// field.
+// Memory in addition to the contents: of a string with its pointer and its allocation, of an entry of a map, of an
+// unknown field.
 constexpr std::int64_t kStringBytes = 64;
 constexpr std::int64_t kEntryBytes = 96;
 constexpr std::int64_t kUnknownBytes = 48;
@@ -61,10 +61,10 @@ class Scanner {
   }
 
  private:
-  // Up to the present limit.
+  // Scans fields up to the current limit of the stream.
   absl::Status Fields(const google::protobuf::Descriptor* type, const std::string& path, int depth) {
     if (depth > kMaxDepth) return Malformed();
-    std::map<int, int> counts;  // of messages in repeated fields, by number: for paths
+    std::map<int, int> counts;  // messages in repeated fields so far, by field number; for paths
     while (in_.BytesUntilLimit() > 0) {
       const std::uint32_t tag = in_.ReadTag();
       const int number = WireFormatLite::GetTagFieldNumber(tag);
@@ -84,7 +84,7 @@ class Scanner {
     return absl::OkStatus();
   }
 
-  // `index` among those of a repeated field; -1: no such field.
+  // `index`: the position in a repeated field; -1 if the field is not repeated.
   absl::Status Delimited(const FieldDescriptor* field, const std::string& path, int index, int depth) {
     std::uint32_t length = 0;
     if (!in_.ReadVarint32(&length) || static_cast<std::int64_t>(length) > in_.BytesUntilLimit()) return Malformed();
@@ -116,7 +116,7 @@ class Scanner {
 
   absl::Status Scalar(const FieldDescriptor* field, std::uint32_t tag, int depth) {
     if (field == nullptr) cost_.bytes += kUnknownBytes;
-    // Lists grow by doubling.
+    // Counted twice, since lists grow by doubling.
     if (field != nullptr && field->is_repeated()) cost_.bytes += 2 * ElementBytes(*field);
     std::uint64_t number = 0;
     switch (WireFormatLite::GetTagWireType(tag)) {
@@ -133,7 +133,7 @@ class Scanner {
     }
   }
 
-  // No message of ours has any, so all of it is unknown.
+  // No message of ours has groups, so this is an unknown field.
   absl::Status Group(int number, int depth) {
     if (depth > kMaxDepth) return Malformed();
     while (true) {
@@ -158,7 +158,7 @@ class Scanner {
     });
     if (!read) return Malformed();
     if (!has_nul) return absl::OkStatus();
-    // In a map, the error names the map.
+    // For a string in a map, the error names the map.
     const bool is_entry = field.containing_type()->options().map_entry();
     const std::string& where = is_entry ? path : name;
     return WireInvalid(where + " has a NUL byte", {{"field", where}});
@@ -179,7 +179,7 @@ class Scanner {
     return read ? absl::OkStatus() : Malformed();
   }
 
-  // Calls `see` with the next `size` bytes, as they lie in memory.
+  // Calls `see` with the next `size` bytes, in the pieces in which the stream has them.
   template <class See>
   bool ForPieces(int size, const See& see) {
     while (size > 0) {
@@ -194,7 +194,7 @@ class Scanner {
     return true;
   }
 
-  // The bytes of an empty message, with the pointer to it.
+  // Memory of an empty message and the pointer to it.
   std::int64_t SizeOf(const google::protobuf::Descriptor& type) {
     const auto [found, is_new] = sizes_.try_emplace(&type, 0);
     if (is_new) {

@@ -1,4 +1,5 @@
-// Looks at a message in the wire format of Protocol Buffers without parsing it: parsing two bytes may take a hundred.
+// Checks a message in the wire format of Protocol Buffers without parsing it, since parsing two bytes may take a
+// hundred bytes of memory.
 #pragma once
 
 #include <cstdint>
@@ -9,21 +10,21 @@
 
 namespace planish {
 
-// What parsing a message would cost.
+// The cost of parsing a message.
 struct WireCost {
-  std::int64_t fields = 0;  // at every depth, unknown ones too; a packed list is one
+  std::int64_t fields = 0;  // at every depth, with unknown ones; a packed list counts as one
   std::int64_t bytes = 0;   // of memory, roughly
 };
 
-// Scans `length` bytes of `stream` as a message of `type`; null: as one without known fields. Stops at the first thing
-// that is wrong. INVALID_ARGUMENT with REQUEST_INVALID:
+// Scans `length` bytes of `stream` as a message of `type` (null: a message without known fields). Stops at the first
+// error. INVALID_ARGUMENT with REQUEST_INVALID for:
 //   - more than `max_fields` fields;
 //   - not in the wire format, or nested too deeply;
-//   - a NUL byte in a string (metadata "field"): not every store keeps one.
+//   - a NUL byte in a string (metadata "field"): some stores cannot hold it.
 absl::StatusOr<WireCost> ScanMessage(google::protobuf::io::ZeroCopyInputStream* stream, std::int64_t length,
                                      const google::protobuf::Descriptor* type, std::int64_t max_fields);
 
-// INVALID_ARGUMENT with REQUEST_INVALID: bytes are no message of `type` (may be null).
+// INVALID_ARGUMENT with REQUEST_INVALID: the bytes are not a message of `type` (may be null).
 absl::Status NoSuchMessage(const google::protobuf::Descriptor* type);
 
 }  // namespace planish

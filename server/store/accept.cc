@@ -1,4 +1,4 @@
-// JobStore::Accept.
+// JobStore::Accept and AcceptAll.
 #include <algorithm>
 #include <cstddef>
 #include <deque>
@@ -13,9 +13,20 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/job_verbs.h"
+#include "server/store/job_store_parts.h"
+#include "server/store/job_transaction.h"
+#include "server/store/work_rows.h"
 
 namespace planish {
+
+// A call of JobStore::Accept.
+struct AcceptCall {
+  NewJob job;
+  std::vector<std::string> keys;  // KeysOf(job)
+  absl::Status status;
+  AcceptedChange accepted;
+};
+
 namespace {
 
 // Whether a job that comes may still join this work, all of whose jobs are given.
@@ -234,8 +245,8 @@ absl::Status AcceptRound(JobTransaction* transaction, const std::vector<Found>& 
   return absl::OkStatus();
 }
 
-}  // namespace
-
+// Of a job, what Accept() says of none other at the same time: its name, its request id, and its work unless it is
+// fresh.
 std::vector<std::string> KeysOf(const NewJob& job) {
   const v1::Job& asked = job.record.job();
   std::vector<std::string> keys = {asked.name()};
@@ -244,6 +255,7 @@ std::vector<std::string> KeysOf(const NewJob& job) {
   return keys;
 }
 
+// Of several calls, in their order as far as they have a key in common.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent) {
   // Of two that come at the same time the second one finds the first.
   std::vector<std::string> keys;
@@ -263,6 +275,38 @@ absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*
     if (!left.empty()) PLANISH_RETURN_IF_ERROR(transaction->FlushRows());
   }
   return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<AcceptedChange> JobStore::Accept(const VerbContext& context, NewJob job) {
+  std::vector<std::string> keys = KeysOf(job);
+  AcceptCall call = {std::move(job), std::move(keys), {}, {}};
+  PLANISH_RETURN_IF_ERROR(parts_->transactions.ChangeTogether(
+      context, &parts_->accepts, &call, [&](JobTransaction& transaction, const auto& calls) {
+        return AcceptIn(&transaction, calls, &parts_->recent_accounts);
+      }));
+  return std::move(call.accepted);
+}
+
+std::vector<absl::StatusOr<AcceptedChange>> JobStore::AcceptAll(const VerbContext& context, std::vector<NewJob> jobs) {
+  std::vector<AcceptCall> calls;
+  std::vector<AcceptCall*> pointers;
+  calls.reserve(jobs.size());
+  for (NewJob& job : jobs) {
+    std::vector<std::string> keys = KeysOf(job);
+    calls.push_back({std::move(job), std::move(keys), {}, {}});
+    pointers.push_back(&calls.back());
+  }
+  parts_->transactions.ChangeAll(context, pointers,
+                                 [&](JobTransaction& transaction, const std::vector<AcceptCall*>& together) {
+                                   return AcceptIn(&transaction, together, &parts_->recent_accounts);
+                                 });
+  std::vector<absl::StatusOr<AcceptedChange>> answers;
+  for (AcceptCall& call : calls) {
+    call.status.ok() ? answers.emplace_back(std::move(call.accepted)) : answers.emplace_back(call.status);
+  }
+  return answers;
 }
 
 }  // namespace planish

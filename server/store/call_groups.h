@@ -1,4 +1,4 @@
-// Calls of many threads at the same time, done together.
+// Combines concurrent calls of many threads into groups.
 #pragma once
 
 #include <algorithm>
@@ -12,17 +12,18 @@
 
 namespace planish {
 
-// Whoever comes while others are at it waits, and one of those that wait does the calls of all of them: the more come
-// at the same time, the less each costs. Thread-safe. A Call has `keys`, texts that no two calls of a group share.
+// A call that arrives while others run waits, and one waiting thread does the calls of all that wait. So the cost of a
+// call falls as more come at the same time. Thread-safe. A Call has `keys`; calls that share a key are in different
+// groups.
 template <class Call>
 class CallGroups {
  public:
   using Body = std::function<void(const std::vector<Call*>& calls)>;
 
-  // At most so many groups at the same time, of so many calls each.
+  // Limits on the groups that run at the same time, and on the calls of each.
   CallGroups(int most_groups, std::size_t most_calls) : most_groups_(most_groups), most_calls_(most_calls) {}
 
-  // Returns when `body`, or that of another thread, has returned from a group with `call`.
+  // Returns when a group with `call` is done, by this thread's `body` or another's.
   void Run(Call* call, const Body& body) {
     Waiting own = {call};
     std::unique_lock lock(mutex_);
@@ -45,7 +46,7 @@ class CallGroups {
     WakeNext();
   }
 
-  // Calls that are in no group yet.
+  // The number of calls that are in no group yet.
   std::size_t waiting() {
     const std::lock_guard lock(mutex_);
     return waiting_.size();
@@ -58,7 +59,7 @@ class CallGroups {
     std::condition_variable changed = {};
   };
 
-  // In the order in which they came, but for those that share a key with an earlier one. Requires mutex_.
+  // In order of arrival, without calls that share a key with an earlier one. Requires mutex_.
   std::vector<Waiting*> TakeGroup() {
     std::vector<Waiting*> group;
     std::vector<std::string> taken;
@@ -86,7 +87,7 @@ class CallGroups {
   std::mutex mutex_;
   // Guarded by mutex_.
   std::deque<Waiting*> waiting_;
-  int groups_ = 0;  // under way
+  int groups_ = 0;  // that run
 };
 
 }  // namespace planish

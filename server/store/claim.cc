@@ -17,7 +17,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/job_verbs.h"
+#include "server/store/job_store_parts.h"
+#include "server/store/job_transaction.h"
+#include "server/store/work_rows.h"
 
 namespace planish {
 namespace {
@@ -318,10 +320,20 @@ class Claimer {
 
 }  // namespace
 
-absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
-                     ClaimWait* wait) {
+absl::StatusOr<std::vector<ClaimedWork>> JobStore::Claim(const VerbContext& context, const ClaimRequest& request,
+                                                         ClaimWait* wait) {
+  // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
+  // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
+  // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
+  const Durability durability = parts_->database->is_shared() ? Durability::kLater : Durability::kNow;
+  std::vector<ClaimedWork> claimed;
   ClaimWait unwanted;
-  return Claimer(transaction, request, claimed, wait == nullptr ? &unwanted : wait).Run();
+  if (wait == nullptr) wait = &unwanted;
+  PLANISH_RETURN_IF_ERROR(parts_->transactions.Change(context, durability, [&](JobTransaction& transaction) {
+    claimed.clear();
+    return Claimer(&transaction, request, &claimed, wait).Run();
+  }));
+  return claimed;
 }
 
 }  // namespace planish

@@ -1,32 +1,32 @@
-// Where jobs are, and the only ways to change them.
+// The store of jobs, and the only ways to change them.
 //
-// Every function that changes something is a verb: one transaction, which reads what is there, decides, and writes the
-// records, their events and small blobs, or nothing at all. Any number of processes may use one store (PostgreSQL) at
-// the same time.
+// Every function that changes something is a verb: one transaction that reads, decides, and writes the records, their
+// events and small blobs, or writes nothing. Each verb, or a group of similar ones, has a file of its own. Any number
+// of processes may share a store (PostgreSQL).
 //
-// Work. All jobs of a tenant that ask for the same are one piece of work (JobRecord.work), unless Scheduling.fresh. It
-// is queued, claimed, lost and finished as one; each of its jobs may be stopped or cancelled alone.
+// Work. All jobs of a tenant with the same mesh and options are one piece of work (JobRecord.work), unless
+// Scheduling.fresh is set. Work is queued, claimed, lost and finished as one; each of its jobs can be stopped or
+// cancelled alone.
 //
-// Leases. Who claims work has a lease: (work, attempt, owner), where attempts count 1, 2, ... for each work. It lasts
-// until it is finished, released, or lost: when its time is over without a Renew(), somebody's Reap() takes it away.
-// Whatever is said under another lease than the present one changes nothing and is ABORTED with LEASE_LOST (fencing).
+// Leases. A claim gives its owner a lease: (work, attempt, owner). Attempts count 1, 2, ... for each piece of work. The
+// lease lasts until the work is finished or released, or until it expires without a Renew(); then Reap() takes it away.
+// A verb with any other lease than the present one changes nothing and returns ABORTED with LEASE_LOST (fencing).
 //
-// Whose turn it is. Claim() decides between tenants by what each had of the workers (fair_share.h), within a tenant by
-// age and priority.
+// Scheduling. Claim() divides worker time between tenants by their shares (fair_share.h). Within a tenant age and
+// priority decide.
 //
-// Limits of time. What a job may take and how long it waits for callers that are gone stands in its record; whoever
-// calls EndOverdue() sees to it.
+// Time limits. The compute budget of a job, its timeout, and how long it waits for absent callers are in its record.
+// EndOverdue() enforces them, so somebody must call it regularly.
 //
-// News. Whoever subscribes hears of changes by all processes, soon, and not of each for sure: look at the store every
-// few seconds as well.
+// Notifications. Subscribers are notified of changes by all processes, within milliseconds. Notifications may be lost,
+// so subscribers also poll every few seconds.
 //
-// Clock. Everything goes by one clock, that of the store (Now()): the times in records and events, leases, limits of
-// time, and what is old enough to go. So the clocks of the machines that use a store decide nothing. Callers give
-// durations, never times.
+// Clock. Only the store's clock counts (Now()): for times in records and events, leases, time limits and retention. The
+// clocks of the machines that use the store do not matter. Callers pass durations, never times.
 //
-// Answers that are lost. After UNAVAILABLE a verb may have been done. Each may be repeated: Accept() finds the job by
-// its name, Finish() says LEASE_LOST, what Claim() took is lost when its lease ends, and all others have no further
-// effect but for Report(), whose news are told twice.
+// Lost answers. After UNAVAILABLE a verb may or may not have been done. Each verb can be repeated: Accept() finds the
+// job by its name, Finish() returns LEASE_LOST, work taken by Claim() returns to the queue when its lease expires, and
+// the others have no further effect, except that Report() tells its progress twice.
 #pragma once
 
 #include <cstdint>
@@ -53,16 +53,16 @@ namespace planish {
 
 using JobRecord = store::v1::JobRecord;
 
-// Of whoever asks.
+// The caller's settings.
 struct VerbContext {
-  absl::Duration retained_time = absl::InfiniteDuration();  // Job.expire_time of those that succeed
-  int max_attempts = 3;                                     // that a job may lose with their worker or server
+  absl::Duration retained_time = absl::InfiniteDuration();  // until Job.expire_time, for jobs that succeed
+  int max_attempts = 3;                                     // after so many lost workers or servers a job fails
 };
 
-// What a verb made of one job.
+// A job after a verb.
 struct JobChange {
-  JobRecord record;                  // as it is now
-  std::vector<v1::JobEvent> events;  // that were written, in order; those of an end have the report
+  JobRecord record;                  // after the change
+  std::vector<v1::JobEvent> events;  // written by the verb, in order; an event of an end has the report
 };
 
 struct Lease {
@@ -71,37 +71,37 @@ struct Lease {
   std::string owner;
 };
 
-// What is wanted of an attempt.
+// What the callers want an attempt to do.
 enum class Wish {
   kGoOn,
-  kStop,    // all of its jobs want the best map so far
+  kStop,    // every job of the work wants the best map so far
   kCancel,  // nobody wants the result
-  kGiveUp,  // the lease is lost: somebody else may be at it
+  kGiveUp,  // the lease is lost: another owner may have the work
 };
 
 // A piece of work that has not ended. Times in nanoseconds since 1970.
 struct WorkRow {
   std::string name, tenant;
-  std::int64_t number = 0;  // lowest of its jobs
+  std::int64_t number = 0;  // the lowest number of its jobs
   bool running = false;     // there is a lease, which may be over
   std::int64_t turn_time = 0;
   std::int64_t memory_bytes = 0;
   std::int64_t mesh_bytes = 0;
   std::int64_t run_time = 0;  // expected; a duration
-  bool alone = false;         // nothing else may run on the same owner
+  bool alone = false;         // its owner must run nothing else beside it
   Wish wish = Wish::kGoOn;
-  // While it runs, but for the attempt, which stays.
+  // Set while it runs. `attempt` also stays after a loss.
   std::string owner;
   int attempt = 0;
   std::int64_t lease_until = 0;
   std::int64_t start_time = 0;
   std::int64_t charge = 0;         // TenantAccount::charged
-  std::int64_t share = 1'000'000;  // the tenant's when it was claimed, millionths
+  std::int64_t share = 1'000'000;  // of the tenant when it was claimed, in millionths
 
   bool operator==(const WorkRow&) const = default;
 };
 
-// What waits and runs.
+// All work that has not ended.
 struct QueueState {
   FairAccounts accounts;
   std::vector<WorkRow> works;  // in no order
@@ -112,11 +112,11 @@ struct NewJob {
   // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is
   // set.
   JobRecord record;
-  absl::Duration run_time;            // that its work is expected to take; 0: not known
-  std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
-  absl::Duration callers_for;         // of a record that is attached: JobRecord.callers_until, from now on
-  std::vector<BlobRow> blobs;         // small ones that it refers to
-  // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
+  absl::Duration run_time;            // expected for its work; 0: not known
+  std::optional<QueueLimits> limits;  // for new work only; empty: no limits
+  absl::Duration callers_for;         // for an attached record: sets JobRecord.callers_until, counted from now
+  std::vector<BlobRow> blobs;         // small blobs of the job
+  // Name of a job with the same work key. If its result is still kept, the new job takes it. Empty: no such job.
   std::string result_of;
 };
 
@@ -129,21 +129,21 @@ struct AcceptedChange {
 
 struct ClaimRequest {
   std::string owner;                           // not empty
-  absl::Duration lease;                        // how long, unless renewed
-  int most = 1;                                // pieces of work
-  std::int64_t memory_bytes = 0;               // that all work of this owner may reserve together; 0: any
-  std::string work;                            // this one only, whosever turn it is, and not whatever is next
-  TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
-  double seconds_factor = 1;                   // what work takes over what was expected of it, lately
-  // Work that is expected to take longer is long, and the owner may have so many pieces of it.
+  absl::Duration lease;                        // duration of the lease
+  int most = 1;                                // maximal number of pieces of work
+  std::int64_t memory_bytes = 0;               // limit on the sum over this owner's work; 0: no limit
+  std::string work;                            // not empty: claims this work only, out of turn
+  TenantLimitsSource tenant_limits = nullptr;  // null: default limits for all tenants
+  double seconds_factor = 1;                   // recent run times divided by the expected ones
+  // Work with a longer expected run time is long. The owner may have at most `most_long` pieces of it.
   absl::Duration long_from = absl::InfiniteDuration();
   int most_long = 0;
 };
 
-// How a claim waited until few enough others were under way.
+// How long a claim waited for its turn among concurrent claims.
 struct ClaimWait {
   absl::Duration queued;
-  bool gave_up = false;  // without looking for work
+  bool gave_up = false;  // the claim ended without looking for work
 };
 
 struct ClaimedWork {
@@ -151,186 +151,78 @@ struct ClaimedWork {
   absl::Duration run_time;  // NewJob::run_time
   std::int64_t memory_bytes = 0;
   Wish wish = Wish::kGoOn;
-  std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
+  std::vector<JobChange> jobs;  // all jobs of the work, at least one; now RUNNING
 };
 
 // How an attempt ended.
 struct AttemptOutcome {
   struct Loss {
-    std::string reason, message;                  // as of WorkerLoss
-    std::map<std::string, std::string> metadata;  // likewise
-    bool is_final = false;                        // another attempt would fare no better
+    std::string reason, message;                  // see WorkerLoss
+    std::map<std::string, std::string> metadata;  // see WorkerLoss
+    bool is_final = false;                        // another attempt would be lost as well
   };
 
-  std::vector<v1::Progress> progress;  // that was not reported before
-  google::rpc::Status status;          // what the worker says: OK, CANCELLED, or an error
+  std::vector<v1::Progress> progress;  // not reported yet
+  google::rpc::Status status;          // the worker's answer: OK, CANCELLED, or an error
   v1::Report report;                   // with OK
-  v1::UvDescription uv;                // likewise
-  std::optional<Loss> loss;            // the worker is gone, and said nothing
-  // Not 0: what was reserved did not do. The work waits for another attempt with this reservation, whatever `status`
-  // says.
+  v1::UvDescription uv;                // with OK
+  std::optional<Loss> loss;            // set if the worker was lost without an answer
+  // Not 0: the reservation was too small. The work waits for another attempt with this reservation, regardless of
+  // `status`.
   std::int64_t memory_bytes = 0;
   std::vector<BlobRow> blobs;  // small ones: the UV
 };
 
 struct StoreNews {
   bool work = false;               // there may be work to claim
-  bool everything = false;         // anything may have changed: messages were lost
-  bool local = false;              // a verb of this very object did it
-  std::vector<std::string> jobs;   // names of those with new events
-  std::vector<std::string> works;  // names of running work of which something else is wanted than before, also its end
+  bool everything = false;         // notifications were lost: anything may have changed
+  bool local = false;              // the change was made through this object
+  std::vector<std::string> jobs;   // names of jobs with new events
+  std::vector<std::string> works;  // names of running work whose Wish changed
 };
 
 enum class EarlyEnd { kCancel, kTimeout };
 
-// How far a job has come.
+// Progress of a job's events.
 struct JobPosition {
   std::int64_t number = 0;
-  std::int64_t last_sequence = 0;  // of its newest event; 0: none
+  std::int64_t last_sequence = 0;  // sequence of its newest event; 0: no event yet
   bool ended = false;
 };
 
 struct JobQuery {
-  std::int64_t before_number = 0;  // only older records than this one; 0: all
-  JobFilter filter;                // only records that this is true of
+  std::int64_t before_number = 0;  // only records with a lower number; 0: all records
+  JobFilter filter;                // only records that match
   bool with_reports = false;
-  int limit = 0;  // at most this many; 0: any
+  int limit = 0;  // maximal number of records; 0: no limit
 };
 
 struct TenantTotals {
   std::int64_t ended = 0;         // jobs in terminal states
-  std::int64_t result_bytes = 0;  // of the UV of those that SUCCEEDED
-  std::int64_t record_bytes = 0;  // of the records, reports and events of those that ended
+  std::int64_t result_bytes = 0;  // UV of jobs that SUCCEEDED
+  std::int64_t record_bytes = 0;  // records, reports and events of ended jobs
+};
+
+// Jobs of one tenant that have not ended, have the same state and were given the same priority.
+struct JobCount {
+  std::string tenant;
+  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  v1::Priority priority = v1::PRIORITY_UNSPECIFIED;
+  std::int64_t jobs = 0;
+  absl::Time first;  // the earliest Job.create_time
+};
+
+// What has not ended.
+struct QueueCounts {
+  std::vector<JobCount> jobs;
+  std::int64_t waiting_works = 0;
+  std::int64_t running_works = 0, reserved_bytes = 0;          // of all owners
+  std::int64_t own_running_works = 0, own_reserved_bytes = 0;  // of `owner`
+  absl::Time now;
 };
 
 struct JobTotals {
   std::map<std::string, TenantTotals> tenants;  // that have records
-};
-
-// Thread-safe. Errors of all functions, beside those that they name: RESOURCE_EXHAUSTED with STORAGE_FULL, UNAVAILABLE
-// with STORE_UNAVAILABLE, INTERNAL. A verb that fails changed nothing, except as said above. Jobs are named by
-// Job.name; where there is none, NOT_FOUND with JOB_NOT_FOUND.
-class JobStore {
- public:
-  virtual ~JobStore() = default;
-
-  // Of this store, the same after a restart.
-  virtual const std::string& id() const = 0;
-
-  // By the store's clock.
-  virtual absl::StatusOr<absl::Time> Now() = 0;
-
-  // Whether other processes may use it at the same time.
-  virtual bool is_shared() const = 0;
-
-  // ---- verbs of callers
-
-  // Adds the job, its blobs and its first events; or finds the one that has its name, or its request id (whose work key
-  // may differ: that is the caller's to refuse). Transactions of several processes at the same moment may exceed
-  // NewJob::limits by one each.
-  virtual absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) = 0;
-  // The same for several jobs, which are committed together, in their order. The answers are in the same order.
-  virtual std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context,
-                                                                std::vector<NewJob> jobs) = 0;
-
-  // Ends a job that nobody works at, or whose work goes on for others: CANCELLED, or FAILED with DEADLINE_EXCEEDED. One
-  // whose worker has to answer first is STOPPING until Finish(). No effect on a job that ended, or was ended so before.
-  // `forget`: its request id is free again.
-  virtual absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
-                                             bool forget) = 0;
-  // Sets Job.stop_requested; RUNNING becomes STOPPING. No effect on a job that ended.
-  virtual absl::StatusOr<JobChange> RequestStop(const VerbContext& context, const std::string& name) = 0;
-  // FAILED with `error`, whoever works at it. No effect on a job that ended. `forget` as above.
-  virtual absl::StatusOr<JobChange> Fail(const VerbContext& context, const std::string& name,
-                                         const google::rpc::Status& error, bool forget) = 0;
-  // The job no longer belongs to its callers (JobRecord.attached).
-  virtual absl::StatusOr<JobChange> Detach(const std::string& name) = 0;
-  // The callers of those jobs that have not ended and belong to callers are known to be there for `time` from now on
-  // (JobRecord.callers_until); durable later.
-  virtual absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time) = 0;
-
-  // ---- verbs of those who run work
-
-  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps
-  // those behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was
-  // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
-  // it. Where too many claims are under way for its turn to come soon, a claim ends without work; `wait`, unless null,
-  // says so.
-  virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
-                                                         ClaimWait* wait = nullptr) = 0;
-  // Those of the owner's running works of which anything but kGoOn is wanted, as far as somebody asked for it.
-  virtual absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) = 0;
-  // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
-  virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
-  // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
-  // work some thousand events are kept, the newest.
-  virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
-                                                        const std::vector<v1::Progress>& progress) = 0;
-  // Ends the attempt. Its jobs end, or are queued again: after a loss, or with a larger reservation.
-  virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
-                                                        const AttemptOutcome& outcome) = 0;
-  // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against
-  // it. Jobs that were to end anyway end. `work` not empty: this one only.
-  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
-                                                         const std::string& work = {}) = 0;
-  // ---- verbs of those who keep order
-
-  // Queues again, or fails after the last attempt (SERVER_CRASHED), up to `most` pieces of work whose lease is over.
-  // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
-  virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
-                                                      int most) = 0;
-  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request
-  // ids are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget
-  // are stopped. As EndEarly() and RequestStop(); the changes of all.
-  virtual absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) = 0;
-  // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
-  virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
-  // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
-  virtual absl::Status Delete(const std::string& name) = 0;
-  // Likewise up to `most` jobs of the tenant (empty: of all), those that ended first, but for any that somebody else is
-  // at. Returns their records.
-  virtual absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) = 0;
-
-  // ---- questions
-
-  virtual absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) = 0;
-  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant,
-                                                                   const std::string& request_id) = 0;
-  // The newest that SUCCEEDED at this work.
-  virtual absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) = 0;
-  // Newest first.
-  virtual absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) = 0;
-  // Those that have not ended, oldest first.
-  virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
-  // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
-  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
-  virtual absl::StatusOr<JobTotals> Totals() = 0;
-  virtual absl::StatusOr<FairAccounts> Accounts() = 0;
-  virtual absl::StatusOr<QueueState> Queue() = 0;
-  // Whether a job of the tenant that has not ended does this work.
-  virtual absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) = 0;
-  // The tenant's job that ended last.
-  virtual absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) = 0;
-  // The newest that was reported of a job that has not ended.
-  virtual absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) = 0;
-  // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
-  // it.
-  virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
-  // Those of the jobs with these numbers that there are; in any order.
-  virtual absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers) = 0;
-  // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
-  virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
-
-  // Calls `listener` after changes of jobs and of what may be claimed, by any process, on any thread: it must be quick,
-  // and must not call back. Never again once the subscription is dropped.
-  using Listener = std::function<void(const StoreNews& news)>;
-  using Subscription = std::shared_ptr<void>;
-  [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
-  // Whether that includes what other processes do. Where it does not (PostgresOptions::must_hear), ask often.
-  virtual bool hears_others() const = 0;
-
-  // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.
-  virtual BlobRows* rows() = 0;
 };
 
 struct JobStoreOptions {
@@ -338,8 +230,142 @@ struct JobStoreOptions {
   std::function<absl::Time()> clock;
 };
 
-// The store of any database that speaks SqlConnection's dialect.
-std::unique_ptr<JobStore> NewJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
+// Thread-safe. Every function may return RESOURCE_EXHAUSTED with STORAGE_FULL, UNAVAILABLE with STORE_UNAVAILABLE, or
+// INTERNAL, besides the errors named at it. A verb that fails has changed nothing, except as said under "Lost answers".
+// A job is named by Job.name; an unknown name is NOT_FOUND with JOB_NOT_FOUND. "Durable later" means that a loss of
+// power may undo the verb.
+class JobStore {
+ public:
+  // Works with any database that speaks the dialect of SqlConnection.
+  explicit JobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
+  ~JobStore();
+
+  JobStore(const JobStore&) = delete;
+  JobStore& operator=(const JobStore&) = delete;
+
+  // Identifies the store; the same after a restart.
+  const std::string& id() const;
+
+  // The store's clock.
+  absl::StatusOr<absl::Time> Now();
+
+  // Whether other processes may use the store at the same time.
+  bool is_shared() const;
+
+  // ---- verbs for callers
+
+  // Adds the job, its blobs and its first events, or finds the job that has the same name or request id. The work key
+  // of a job found by request id may differ; the caller checks that. Concurrent transactions of several processes may
+  // each exceed NewJob::limits by one job.
+  absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job);
+  // Accepts several jobs in one commit, in their order. The answers are in the same order.
+  std::vector<absl::StatusOr<AcceptedChange>> AcceptAll(const VerbContext& context, std::vector<NewJob> jobs);
+
+  // Ends a job as CANCELLED, or as FAILED with DEADLINE_EXCEEDED. If a worker runs its work for this job alone, the job
+  // is STOPPING until Finish(). No effect on a job that has ended or was ended early before. `forget` frees its request
+  // id.
+  absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why, bool forget);
+  // Sets Job.stop_requested; RUNNING becomes STOPPING. No effect on a job that has ended.
+  absl::StatusOr<JobChange> RequestStop(const VerbContext& context, const std::string& name);
+  // Ends a job as FAILED with `error`, also while a worker has it. No effect on a job that has ended. `forget` frees
+  // its request id.
+  absl::StatusOr<JobChange> Fail(const VerbContext& context, const std::string& name, const google::rpc::Status& error,
+                                 bool forget);
+  // The job no longer belongs to its callers (JobRecord.attached).
+  absl::StatusOr<JobChange> Detach(const std::string& name);
+  // The callers of these jobs are present: JobRecord.callers_until becomes `time` from now. No effect on jobs that have
+  // ended or have no callers. Durable later.
+  absl::Status KeepCallers(const std::vector<std::string>& names, absl::Duration time);
+
+  // ---- verbs for workers
+
+  // Takes waiting work, in the order of fair_share.h. Work that needs more memory than the owner has free blocks the
+  // work behind it for this owner; work that needs more than `memory_bytes` is left to other owners. Work that lost a
+  // server before and is on its last attempt is claimed only by an owner that runs nothing, and runs alone. A claim may
+  // end without work because too many claims run at the same time; then `wait`, unless null, says so.
+  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
+                                                 ClaimWait* wait = nullptr);
+  // The owner's running work with a wish other than kGoOn.
+  absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner);
+  // Extends leases of one owner to `lease` from now. Returns the wish for each, in the same order.
+  absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease);
+  // Adds the progress to the events of all jobs of the work. Of a long job the newest few thousand progress events are
+  // kept. Durable later.
+  absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
+                                                const std::vector<v1::Progress>& progress);
+  // Ends the attempt. Its jobs end, or are queued again after a loss or with a larger reservation.
+  absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
+                                                const AttemptOutcome& outcome);
+  // Gives up all work of the owner, or only `work` unless that is empty. The work is queued again in its old place, and
+  // the attempt does not count as lost. Jobs that are being cancelled or have timed out end.
+  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                 const std::string& work = {});
+
+  // ---- verbs for upkeep
+
+  // Handles up to `most` pieces of work with expired leases: queues them again, or fails their jobs with SERVER_CRASHED
+  // after the last attempt. `sole_owner`, unless empty, has the store to itself: the leases of all other owners count
+  // as expired.
+  absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner, int most);
+  // Handles up to `most` pieces of work with overdue jobs. Jobs without callers are cancelled, and their request ids
+  // are free again; jobs past Scheduling.timeout end with DEADLINE_EXCEEDED; jobs past their compute budget are
+  // stopped.
+  absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most);
+  // SUCCEEDED becomes EXPIRED, and the request id is free again. No effect in other states. Durable later.
+  absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name);
+  // Deletes a job that has ended, with its events. FAILED_PRECONDITION with JOB_NOT_FINISHED. Durable later.
+  absl::Status Delete(const std::string& name);
+  // Deletes up to `most` ended jobs of the tenant (empty: of all tenants), in the order in which they ended, skipping
+  // jobs locked by others. Returns their records. Durable later.
+  absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most);
+
+  // ---- questions
+
+  absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name);
+  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant, const std::string& request_id);
+  // The newest SUCCEEDED job with this work key.
+  absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key);
+  // Newest first.
+  absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query);
+  // Jobs that have not ended, oldest first.
+  absl::StatusOr<std::vector<JobRecord>> Unfinished();
+  // The job of the tenant (empty: of any) with this terminal state (UNSPECIFIED: any) that ended first.
+  absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
+  absl::StatusOr<JobTotals> Totals();
+  absl::StatusOr<FairAccounts> Accounts();
+  // `owner` may be empty.
+  absl::StatusOr<QueueCounts> Counts(const std::string& owner);
+  absl::StatusOr<QueueState> Queue();
+  // Whether the tenant has an unfinished job with this work key.
+  absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key);
+  // The tenant's job that ended last.
+  absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);
+  // The newest progress of a job that has not ended.
+  absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number);
+  // Events with a sequence greater than `after`, in order. The last event of an ended job has no report: the record has
+  // it.
+  absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0);
+  // The positions of those jobs that exist, in any order.
+  absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers);
+  // Whether a record needs this blob: the mesh of an unfinished job, or the UV of a SUCCEEDED one.
+  absl::StatusOr<bool> UsesBlob(const BlobId& id);
+
+  // Calls `listener` after jobs or claimable work change, in any process, on any thread. It must return quickly and
+  // must not call the store. It is never called again once the subscription is dropped.
+  using Listener = std::function<void(const StoreNews& news)>;
+  using Subscription = std::shared_ptr<void>;
+  [[nodiscard]] Subscription Subscribe(Listener listener);
+  // Whether listeners are notified of changes by other processes. If not (PostgresOptions::must_hear), poll often.
+  bool hears_others() const;
+
+  // Where verbs put small blobs, for BlobPlaces::rows. Null for a store in memory. Lives as long as the store.
+  BlobRows* rows();
+
+ private:
+  struct Parts;  // job_store_parts.h
+
+  const std::unique_ptr<Parts> parts_;
+};
 
 // With OpenSqliteDatabase().
 absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path,

@@ -179,9 +179,10 @@ JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* con
     : sql_(*connection),
       context_(*context),
       clock_(*clock),
-      inserts_(RowBatch::Of("INSERT INTO jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
-                            "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) "
-                            "VALUES {rows}")),
+      inserts_(
+          RowBatch::Of("INSERT INTO jobs (number, name, tenant, request_id, state, priority, ended, end_time, "
+                       "work_key, mesh_sha256, elements_sha256, uv_sha256, record, report, create_time, work, due) "
+                       "VALUES {rows}")),
       labels_(RowBatch::Of("INSERT INTO labels (job, key, value) VALUES {rows}")),
       new_works_(WorkInserts()),
       events_(RowBatch::Of("INSERT INTO events (job, sequence, event, kind) VALUES {rows}")),
@@ -319,10 +320,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
     account.running -= 1;
     account.started -= before.start_time / 1'000'000;
     account.charged -= before.charge;
-    // Of what an earlier version started that is not known.
-    if (before.start_time > 0) {
-      account.received += SettledFor(absl::Nanoseconds(now - before.start_time), ShareIn(before));
-    }
+    account.received += SettledFor(absl::Nanoseconds(now - before.start_time), ShareIn(before));
     row.owner.clear();
     row.lease_until = 0;
   } else if (!before.running && row.running) {
@@ -400,11 +398,11 @@ void JobTransaction::Insert(JobRow* row) {
   const std::string bytes = BytesWithoutReport(&record, record.mutable_job());
   const std::string report = job.report().SerializeAsString();
   inserts_.Add({record.number(), std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record),
-                job.state(), IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
-                SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.elements_sha256()},
-                SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
-                TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
-                DueColumn(record)});
+                job.state(), job.scheduling().priority(), IsTerminal(job.state()) ? 1 : 0,
+                TimeUtil::TimestampToNanoseconds(job.end_time()), SqlBytes{record.work_key()},
+                SqlBytes{record.mesh_sha256()}, SqlBytes{record.elements_sha256()}, SqlBytes{job.uv().uv_sha256()},
+                SqlBytes{bytes}, SqlBytes{report}, TimeUtil::TimestampToNanoseconds(job.create_time()),
+                std::string_view(record.work()), DueColumn(record)});
   Account(*row, record);
   row->standing = StandingOf(record, context_.max_attempts);
   news_.jobs.push_back(job.name());
@@ -434,7 +432,6 @@ void JobTransaction::Save(JobRow* row, JobRecord* record) {
     set(2, {{"ended", std::int64_t{1}},
             {"end_time", TimeUtil::TimestampToNanoseconds(job.end_time())},
             {"uv_sha256", SqlBytes{job.uv().uv_sha256()}},
-            {"uv_bytes", job.uv().total_bytes()},
             {"report", SqlBytes{report}}});
   }
   if (due != row->due) set(4, {{"due", due}});

@@ -1,4 +1,4 @@
-// What the verbs of SqlJobStore are made of: rows that are read, changed and written within one transaction.
+// The building blocks of JobStore's verbs: rows that are read, changed and written within one transaction.
 #pragma once
 
 #include <algorithm>
@@ -21,51 +21,54 @@
 
 namespace planish {
 
-// What a job does to its work, whatever becomes of its record in memory.
+// The part of a job's record that its work depends on, copied, since the record may change or move.
 struct JobStanding {
   bool ended = false;
   bool leased = false;      // RUNNING or STOPPING
-  bool end_wanted = false;  // cancelled, or out of time
+  bool end_wanted = false;  // being cancelled, or timed out
   bool stop_requested = false;
-  bool alone = false;  // lost with a server before, and has one attempt left
+  bool alone = false;  // lost a server before and is on its last attempt
   std::int64_t number = 0;
   std::int64_t turn_time = 0;
   std::int64_t memory_bytes = 0;
 };
 
-// A job's row as it was read; `record` may be moved from.
+// A row of `jobs`. `record` may be moved from.
 struct JobRow {
   JobRecord record;
-  JobStanding standing;           // of the record as it was read or saved last
+  JobStanding standing;           // of the record as last read or saved
   bool had_request_id = false;    // when it was read
-  std::int64_t due = 0;           // likewise
-  std::int64_t result_bytes = 0;  // likewise: TenantAccount::result_bytes
-  std::int64_t record_bytes = 0;  // likewise: TenantAccount::record_bytes
+  std::int64_t due = 0;           // when it was read
+  std::int64_t result_bytes = 0;  // when it was read; TenantAccount::result_bytes
+  std::int64_t record_bytes = 0;  // when it was read; TenantAccount::record_bytes
 };
 
-// Work that nobody else changes before the transaction ends, and all of its jobs that have not ended, in the order they
-// came.
+// Work locked until the end of the transaction, and its unfinished jobs, oldest first.
 struct LockedWork {
-  WorkRow before;  // as it is in the database
+  WorkRow before;  // the row in the database
   WorkRow row;
   std::vector<JobRow> jobs;
-  bool is_taken = false;  // EndWork() removed its row
+  bool is_taken = false;  // EndWorks() removed its row
 
-  // Of its jobs that have not ended.
+  // The number of its unfinished jobs.
   std::int64_t Size() const;
 };
 
-// What a SELECT of jobs returns for JobRowsOf(); NULL in place of `report` leaves that out.
+// The columns that JobRowsOf() reads; the lean ones leave the report out.
 inline constexpr char kJobColumns[] = "number, due, record, report";
 inline constexpr char kLeanJobColumns[] = "number, due, record, NULL";
 
-// Row i, whose columns begin at `column`.
+// JOB_STATE_SUCCEEDED as text of a statement. As a parameter it would hide partial indexes from the planner.
+inline constexpr int kSucceeded = 4;
+static_assert(kSucceeded == v1::JOB_STATE_SUCCEEDED);
+
+// Reads row i, with the first of kJobColumns at `column`.
 absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t column = 0);
 absl::StatusOr<std::vector<JobRow>> JobRowsOf(const SqlRows& rows);
-// Of rows with kind and event, those with greater sequences than `after`.
+// Reads rows of (kind, event); returns the events with sequences greater than `after`.
 absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows, std::int64_t after);
 
-// Whether an attempt at the job's work is under way.
+// Whether an attempt at the job's work is running.
 inline bool IsLeased(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_RUNNING || record.job().state() == v1::JOB_STATE_STOPPING;
 }
@@ -75,39 +78,38 @@ inline bool IsEndWanted(const JobRecord& record) {
   return record.timed_out() || record.job().cancel_requested();
 }
 
-// The store's. Null: the database's own clock.
+// The store's clock. Null: the database's own.
 using StoreClock = std::function<absl::Time()>;
 
-// Not thread-safe; lives as long as the transaction. Errors as of SqlConnection.
+// One transaction of a verb. Not thread-safe. Errors of SqlConnection.
 class JobTransaction {
  public:
-  // All outlive the object.
+  // All arguments outlive the object.
   JobTransaction(SqlConnection* connection, const VerbContext* context, const StoreClock* clock);
 
   SqlConnection& sql() { return sql_; }
   const VerbContext& context() const { return context_; }
   AccountChanges& accounts() { return accounts_; }
-  // What becomes known when the transaction is committed.
+  // Published after the commit.
   StoreNews& news() { return news_; }
 
-  // Nanoseconds since 1970 by the store's clock, once for the whole transaction.
+  // The store's clock in nanoseconds since 1970; the same for the whole transaction.
   absl::StatusOr<std::int64_t> Now();
-  // {now}, where a statement has it beside what it was asked for.
+  // Saves Now() a statement, if another statement has read {now}.
   void SetNow(std::int64_t database_now);
 
-  // The job, which ended or whose work is not locked; NOT_FOUND with JOB_NOT_FOUND.
+  // Reads a job without locking its work. NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
 
-  // Empty: the work has ended, or, without `wait`, somebody else has locked it.
+  // Empty if the work has ended, or if it is locked by another transaction and `wait` is false.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
-  // LockWork() of works all of whose jobs are about to end, with one journey to the database; their rows go. Empty: the
-  // lease is not that of the work. The order is that of their names everywhere, so that no two transactions wait for
-  // each other.
+  // Locks work whose jobs are all about to end, and deletes its rows, in one round trip. Empty for a lease that is not
+  // the present one. `ordered` is sorted by name, as everywhere, which prevents deadlocks.
   absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
-  // Of a row that is locked, and its jobs as they were read after that, in any order.
+  // Combines a locked row with its jobs, in any order, which were read after it was locked.
   LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
 
-  // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
+  // The locked work of a job, and the job's index in it. No index: the job has ended, and is the only row.
   struct Locked {
     LockedWork work;
     std::optional<std::size_t> place;
@@ -116,55 +118,56 @@ class JobTransaction {
   };
   absl::StatusOr<Locked> LockJob(const std::string& name);
 
-  // Writes what has become of the work when all its jobs are saved: it waits, runs, or is gone. Its lease is what
-  // `work->row` says, as long as one of its jobs is leased.
+  // After all jobs of the work are saved: updates its row, or deletes it if no job is left. The lease in `work->row`
+  // stays while one of its jobs is leased.
   absl::Status Settle(LockedWork* work);
-  // The tenant, which has nothing waiting, is about to: it begins at the virtual time. No effect if it has.
+  // Before work of a tenant without waiting work is added: raises the tenant to the virtual time (fair_share.h). No
+  // effect if the tenant has waiting work.
   absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
-  // Work that a job just inserted brings.
+  // Adds the work of a job that was just inserted.
   void AddWork(const JobRow& job, absl::Duration run_time);
-  // Writes what was changed, the accounts last. What is there before is read as it was.
+  // Writes all changes, the accounts last. Until then, statements of this transaction read the old rows.
   absl::Status Flush();
-  // Writes all that but the accounts, so that the same transaction reads it as it is now.
+  // Writes all changes but those of the accounts, so that this transaction can read them.
   absl::Status FlushRows();
 
-  // Adds a job with its labels, under the number that it has.
+  // Adds a job and its labels. The record has its number.
   void Insert(JobRow* row);
-  // Writes the record of a job that is there. Its end and the loss of its request id are for good.
+  // Writes the record of an existing job. An end and the loss of a request id are final.
   void Save(JobRow* row, JobRecord* record);
   void PutBlobs(const std::vector<BlobRow>& blobs);
 
-  // Changes the record by Advance() and adds the event to it, or one that says what the record says now. INTERNAL where
-  // the state does not allow it. Neither writes the row.
+  // Act() changes the record by Advance() and adds an event for that; INTERNAL if the state does not allow it.
+  // Announce() adds an event with the present state. Neither writes the row.
   absl::Status Act(JobAction action, JobChange* change);
   absl::Status Announce(JobChange* change);
-  // The rows of jobs that ended go, with all that belongs to them.
+  // Deletes ended jobs with their labels and events.
   absl::Status Delete(const std::vector<JobRow>& jobs);
 
-  // Writes `event` with the job's next sequence.
+  // Adds `event` under the job's next sequence.
   absl::Status AddEvent(JobChange* change, v1::JobEvent event);
-  // After a loss of power: whatever was told of the job under a number that was reserved is behind it.
+  // After a loss of power: continues behind all reserved sequences, which watchers may have seen.
   static void SkipReserved(JobRecord* record);
-  // Writes the events that the change has; only after Insert() is there a number to write them under.
+  // Writes the events of the change. Call it after Insert(), which gives them their job's number.
   absl::Status WriteEvents(JobChange* change);
 
   // FAILED with `error`.
   absl::Status Fail(const google::rpc::Status& error, JobChange* change);
-  // A job that was to end anyway ends, CANCELLED or FAILED with DEADLINE_EXCEEDED: whether it was one.
+  // If the job is being cancelled or has timed out, ends it. Returns whether it did.
   absl::StatusOr<bool> EndIfWanted(JobChange* change);
-  // An attempt is over without a result: nobody has the job's work any more.
+  // The attempt is over without a result: the job waits again.
   absl::Status Requeue(JobChange* change);
-  // JobStore::EndEarly and RequestStop of a job of locked work.
+  // JobStore::EndEarly and RequestStop for a job of locked work.
   absl::Status EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change);
   absl::Status Stop(JobChange* change);
-  // An attempt at the job's work begins.
+  // An attempt at the job's work starts.
   absl::Status Start(const Lease& lease, JobChange* change);
 
  private:
-  // LiftIn() as the accounts are.
+  // LiftIn() with the present accounts.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
-  // Of works, by their names.
+  // By name of their work.
   using JobsByWork = std::map<std::string, std::vector<JobRow>>;
   absl::StatusOr<JobsByWork> ReadJobs(const std::vector<std::string>& works);
 
@@ -176,7 +179,7 @@ class JobTransaction {
   StoreNews news_;
   // To be written by Flush().
   RowBatch inserts_, labels_, new_works_;
-  std::map<unsigned, RowBatch> saves_;  // by the columns that change
+  std::map<unsigned, RowBatch> saves_;  // by the set of columns that change
   RowBatch events_, works_;
   std::map<BlobId, BlobPtr> blobs_;
 };

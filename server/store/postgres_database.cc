@@ -7,7 +7,6 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
-#include <iterator>
 #include <mutex>
 #include <set>
 #include <unordered_map>
@@ -19,6 +18,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/ids.h"
+#include "server/store/job_schema.h"
 #include "server/store/postgres_channel.h"
 #include "server/store/postgres_schema.h"
 #include "server/store/sql.h"
@@ -27,7 +27,8 @@
 namespace planish {
 namespace {
 
-constexpr std::int64_t kPostgresVersion = std::size(kPostgresMigrations);
+// meta.version of a database with the tables of job_schema.h.
+constexpr std::int64_t kVersion = 1;
 
 // Slots of the transactions that took no turn.
 constexpr std::int64_t kSlots = 16;
@@ -52,6 +53,12 @@ std::string PostgresWord(std::string_view word) {
   if (word == "with_jobs") return "LEFT JOIN LATERAL live_jobs_of(heads.name) AS jobs ON TRUE";
   if (word == "next_number") return "nextval('job_numbers')";
   if (word == "outcome") return "outcome";
+  if (word == "outcome_column") {
+    return "\n    outcome BIGINT GENERATED ALWAYS AS (CASE WHEN ended = 1 THEN state ELSE 0 END) STORED,";
+  }
+  if (word == "rowid") return "BIGINT";
+  if (word == "text") return "TEXT COLLATE \"C\"";  // the order of bytes, as SQLite's, whatever the machine's locale
+  if (word == "bytes") return "BYTEA";
   if (word == "anywhere") return "ctid >= '(0,0)'";  // without it: by an index, since sequential scans are off
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   if (word == "elapsed") {
@@ -477,7 +484,7 @@ class PostgresDatabase : public SqlDatabase {
     PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresConnection> connection,
                              PostgresConnection::Open(urls_, &primary_));
     absl::Status status = connection->Begin(Durability::kNow);
-    if (status.ok()) status = Migrate(connection.get());
+    if (status.ok()) status = SetUpJobs(connection.get());
     if (status.ok()) status = connection->Commit();
     return status;
   }
@@ -530,7 +537,7 @@ class PostgresDatabase : public SqlDatabase {
 
  private:
   // Within a transaction; one server at a time.
-  absl::Status Migrate(PostgresConnection* connection) {
+  absl::Status SetUpJobs(PostgresConnection* connection) {
     PLANISH_RETURN_IF_ERROR(connection->Execute(absl::StrCat("SELECT pg_advisory_xact_lock(", kMigrationKey, ")")));
     PLANISH_RETURN_IF_ERROR(
         connection->Execute("CREATE TABLE IF NOT EXISTS meta (id TEXT NOT NULL, version BIGINT NOT NULL)"));
@@ -543,12 +550,11 @@ class PostgresDatabase : public SqlDatabase {
       id_ = meta.Bytes(0, 0);
       version = meta.Int(0, 1);
     }
-    PLANISH_RETURN_IF_ERROR(CheckStepsAhead("jobs", version, kPostgresVersion));
-    if (version >= kPostgresVersion) return absl::OkStatus();
-    for (; version < kPostgresVersion; ++version) {
-      PLANISH_RETURN_IF_ERROR(connection->Execute(kPostgresMigrations[version]));
-    }
-    return connection->Run("UPDATE meta SET version = ?", {version}).status();
+    PLANISH_RETURN_IF_ERROR(CheckStepsAhead("jobs", version, kVersion));
+    if (version >= kVersion) return absl::OkStatus();
+    PLANISH_RETURN_IF_ERROR(connection->Execute(ReplaceWords(kJobSchema, PostgresWord)));
+    PLANISH_RETURN_IF_ERROR(connection->Execute(kPostgresSchema));
+    return connection->Run("UPDATE meta SET version = ?", {kVersion}).status();
   }
 
   // Null, or one that broke, makes room for a new one. After one broke the others are likely to be broken as well.

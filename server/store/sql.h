@@ -201,7 +201,7 @@ struct PostgresOptions {
   bool must_hear = true;
 };
 
-// PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
+// PostgreSQL 15 or later. Sets up the tables of JobStore, one process at a time. Any number of processes
 // may use it. A connection that is lost is made anew; no transaction-mode pooler between. Of several hosts in the URL
 // (target_session_attrs=read-write) the primary is used that was promoted last, as far as this process has seen; at the
 // start it looks at all hosts.
@@ -209,8 +209,8 @@ struct PostgresOptions {
 // version of planish than the next one (sql_schema.h).
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const PostgresOptions& options);
 
-// SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of
-// JobStore. FAILED_PRECONDITION with STORE_VERSION if the file was written by a newer version of planish. One process
+// SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up the tables of JobStore.
+// FAILED_PRECONDITION with STORE_VERSION if the file was written by a newer version of planish. One process
 // at a time; writers take turns. `give_up_reserve`: of SqlDatabase, null: there is none.
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path,
                                                                 std::function<bool()> give_up_reserve = nullptr);

@@ -1,4 +1,4 @@
-// SQLite as a SqlDatabase: the schema, its versions, and who may use which connection.
+// SQLite as a SqlDatabase: the version of its tables, and who may use which connection.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <iterator>
 #include <mutex>
 #include <optional>
 #include <system_error>
@@ -15,139 +14,16 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
-#include "google/protobuf/util/time_util.h"
-#include "planish/store/v1/store.pb.h"
 #include "server/store/ids.h"
+#include "server/store/job_schema.h"
 #include "server/store/sql.h"
 #include "server/store/sqlite.h"
-#include "server/store/work_schema.h"
 
 namespace planish {
 namespace {
 
-// Steps from each version of the schema to the next; PRAGMA user_version says how many were taken. Never change one
-// that was released: add another.
-constexpr const char* kMigrations[] = {
-    R"sql(
-      CREATE TABLE meta (id TEXT NOT NULL);
-      CREATE TABLE jobs (
-        number INTEGER PRIMARY KEY,
-        name TEXT NOT NULL UNIQUE,
-        request_id TEXT UNIQUE,
-        state INTEGER NOT NULL,
-        ended INTEGER NOT NULL,
-        end_time INTEGER NOT NULL,
-        label TEXT NOT NULL,
-        work_key BLOB NOT NULL,
-        mesh_sha256 BLOB NOT NULL,
-        seams_sha256 BLOB NOT NULL,
-        uv_sha256 BLOB NOT NULL,
-        uv_bytes INTEGER NOT NULL,
-        record BLOB NOT NULL,
-        report BLOB
-      );
-      CREATE INDEX jobs_by_end ON jobs (ended, end_time, number);
-      CREATE INDEX jobs_by_state ON jobs (state, end_time, number);
-      CREATE INDEX jobs_by_work ON jobs (work_key);
-      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_uv ON jobs (uv_sha256);
-      CREATE TABLE events (
-        job INTEGER NOT NULL,
-        sequence INTEGER NOT NULL,
-        event BLOB NOT NULL,
-        PRIMARY KEY (job, sequence)
-      ) WITHOUT ROWID;
-    )sql",
-    // Tenants. Request ids are unique within each, which takes a new table: SQLite cannot drop a constraint.
-    R"sql(
-      CREATE TABLE tenants_jobs (
-        number INTEGER PRIMARY KEY,
-        name TEXT NOT NULL UNIQUE,
-        tenant TEXT NOT NULL,
-        request_id TEXT,
-        state INTEGER NOT NULL,
-        ended INTEGER NOT NULL,
-        end_time INTEGER NOT NULL,
-        label TEXT NOT NULL,
-        work_key BLOB NOT NULL,
-        mesh_sha256 BLOB NOT NULL,
-        seams_sha256 BLOB NOT NULL,
-        uv_sha256 BLOB NOT NULL,
-        uv_bytes INTEGER NOT NULL,
-        record BLOB NOT NULL,
-        report BLOB,
-        UNIQUE (tenant, request_id)
-      );
-      INSERT INTO tenants_jobs
-        SELECT number, name, 'default', request_id, state, ended, end_time, label, work_key, mesh_sha256, seams_sha256,
-               uv_sha256, uv_bytes, record, report FROM jobs;
-      DROP TABLE jobs;
-      ALTER TABLE tenants_jobs RENAME TO jobs;
-      CREATE INDEX jobs_by_end ON jobs (ended, end_time, number);
-      CREATE INDEX jobs_by_state ON jobs (state, end_time, number);
-      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
-      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, ended, end_time, number);
-      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number);
-      CREATE INDEX jobs_by_work ON jobs (work_key);
-      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_uv ON jobs (uv_sha256);
-    )sql",
-    // Small blobs, which are committed with the records that refer to them.
-    R"sql(
-      CREATE TABLE blobs (
-        tenant TEXT NOT NULL,
-        sha256 BLOB NOT NULL,
-        bytes BLOB NOT NULL,
-        UNIQUE (tenant, sha256)
-      );
-    )sql",
-    // Labels with keys, and what else lists are filtered by. The text that was a job's label before is given up.
-    R"sql(
-      ALTER TABLE jobs DROP COLUMN label;
-      ALTER TABLE jobs ADD COLUMN create_time INTEGER NOT NULL DEFAULT 0;
-      CREATE TABLE labels (
-        job INTEGER NOT NULL,
-        key TEXT NOT NULL,
-        value TEXT NOT NULL,
-        PRIMARY KEY (job, key)
-      ) WITHOUT ROWID;
-    )sql",
-    // Leases. Which work a job belongs to, who has it, and since when it waits.
-    R"sql(
-      ALTER TABLE jobs ADD COLUMN work TEXT NOT NULL DEFAULT '';
-      ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';
-      ALTER TABLE jobs ADD COLUMN attempt INTEGER NOT NULL DEFAULT 0;
-      ALTER TABLE jobs ADD COLUMN lease_until INTEGER NOT NULL DEFAULT 0;
-      ALTER TABLE jobs ADD COLUMN turn_time INTEGER NOT NULL DEFAULT 0;
-      ALTER TABLE jobs ADD COLUMN memory_bytes INTEGER NOT NULL DEFAULT 0;
-      CREATE INDEX jobs_by_live_work ON jobs (work) WHERE ended = 0;
-      DROP INDEX jobs_by_end;
-      DROP INDEX jobs_by_state;
-      DROP INDEX jobs_by_tenant_end;
-      DROP INDEX jobs_by_tenant_state;
-      CREATE INDEX jobs_by_end ON jobs (end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_state ON jobs (state, end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number) WHERE ended = 1;
-      DROP INDEX jobs_by_uv;
-      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
-    )sql",
-    kWorkMigration,
-    // What ended jobs take; indexes for the newest work and the newest result with one key, however many jobs had it.
-    R"sql(
-      ALTER TABLE tenants ADD COLUMN record_bytes BIGINT NOT NULL DEFAULT 0;
-      DROP INDEX jobs_by_work;
-      DROP INDEX jobs_by_uv;
-      CREATE INDEX jobs_by_live_key ON jobs (work_key, tenant, number) WHERE ended = 0;
-      CREATE INDEX jobs_by_result ON jobs (work_key, number) WHERE ended = 1 AND state = 4;
-      CREATE INDEX jobs_by_uv ON jobs (uv_sha256, tenant) WHERE ended = 1 AND state = 4 AND uv_sha256 != '';
-    )sql",
-};
-constexpr std::int64_t kVersion = std::size(kMigrations);
-constexpr std::int64_t kWithoutCreateTimes = 3;  // the last version
-constexpr std::int64_t kWithoutLeases = 4;       // likewise
+// PRAGMA user_version of a file with the tables of job_schema.h.
+constexpr std::int64_t kVersion = 1;
 
 // FULL: a commit syncs the log before it returns, so that what a caller is told outlives a loss of power. Writes that
 // may be lost with the power and are then made again (deletions) run with NORMAL: Begin().
@@ -179,6 +55,10 @@ constexpr std::size_t kMostStatements = 200;
 std::string SqliteWord(std::string_view word) {
   if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs) + column6";
   if (word == "outcome") return "state";
+  if (word == "rowid") return "INTEGER";
+  if (word == "text") return "TEXT";
+  if (word == "bytes") return "BLOB";
+  if (word == "clustered") return "WITHOUT ROWID";
   if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
   if (word == "now" || word == "elapsed") return "0";
@@ -272,69 +152,21 @@ absl::StatusOr<std::int64_t> SchemaVersion(SqliteConnection* connection) {
   return rows.Int(0, 0);
 }
 
-// Of records from before there was a column for it.
-absl::Status FillInCreateTimes(SqliteConnection* connection) {
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, connection->Run("SELECT number, record FROM jobs", {}));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    store::v1::JobRecord record;
-    if (!record.ParseFromString(rows.Bytes(i, 1))) return InternalError("the job store: a row that cannot be read");
-    const std::int64_t time = google::protobuf::util::TimeUtil::TimestampToNanoseconds(record.job().create_time());
-    PLANISH_RETURN_IF_ERROR(
-        connection->Run("UPDATE jobs SET create_time = ? WHERE number = ?", {time, rows.Int(i, 0)}).status());
-  }
-  return absl::OkStatus();
-}
-
-// Jobs that had not ended shared their work by its key. Those that ran are taken over as any others whose server is
-// gone.
-absl::Status FillInLeases(SqliteConnection* connection) {
-  PLANISH_ASSIGN_OR_RETURN(
-      const SqlRows rows,
-      connection->Run("SELECT number, record, work_key FROM jobs WHERE ended = 0 ORDER BY number", {}));
-  std::unordered_map<std::string, std::string> works;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    store::v1::JobRecord record;
-    if (!record.ParseFromString(rows.Bytes(i, 1))) return InternalError("the job store: a row that cannot be read");
-    const std::string& name = record.job().name();
-    record.set_work(record.job().scheduling().fresh() ? name : works.emplace(rows.Bytes(i, 2), name).first->second);
-    PLANISH_ASSIGN_OR_RETURN(
-        const SqlRows last,
-        connection->Run("SELECT coalesce(max(sequence), 0) FROM events WHERE job = ?", {rows.Int(i, 0)}));
-    record.set_last_sequence(last.Int(0, 0));
-    const std::string bytes = record.SerializeAsString();
-    PLANISH_RETURN_IF_ERROR(
-        connection
-            ->Run("UPDATE jobs SET work = ?, owner = ?, turn_time = create_time, memory_bytes = ?, record = ? "
-                  "WHERE number = ?",
-                  {std::string_view(record.work()), std::string_view(record.owner()), record.job().memory_bytes(),
-                   SqlBytes{bytes}, rows.Int(i, 0)})
-            .status());
-  }
-  return absl::OkStatus();
-}
-
-absl::Status Migrate(const std::string& path, SqliteConnection* connection) {
+absl::Status SetUp(const std::string& path, SqliteConnection* connection) {
   PLANISH_ASSIGN_OR_RETURN(const std::int64_t found, SchemaVersion(connection));
+  if (found == kVersion) return absl::OkStatus();
   if (found > kVersion) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
                      absl::StrCat(path, " was written by a newer planish (its version is ", found, ", this one knows ",
                                   kVersion, "): use that one, or another data directory"));
   }
-  Database& database = connection->database();
-  for (std::int64_t version = found; version < kVersion; ++version) {
-    std::string step = absl::StrCat("BEGIN IMMEDIATE;", kMigrations[version]);
-    if (version == 0) absl::StrAppend(&step, "INSERT INTO meta VALUES ('", RandomId(), "');");
-    absl::StrAppend(&step, "PRAGMA user_version = ", version + 1);
-    absl::Status status = database.Execute(step.c_str());
-    if (status.ok() && version == kWithoutCreateTimes) status = FillInCreateTimes(connection);
-    if (status.ok() && version == kWithoutLeases) status = FillInLeases(connection);
-    if (status.ok()) status = connection->Commit();
-    if (!status.ok()) {
-      connection->Rollback();
-      return status;
-    }
-  }
-  return absl::OkStatus();
+  const std::string script =
+      absl::StrCat("BEGIN IMMEDIATE; CREATE TABLE meta (id TEXT NOT NULL); INSERT INTO meta VALUES ('", RandomId(),
+                   "');", ReplaceWords(kJobSchema, SqliteWord), "PRAGMA user_version = ", kVersion);
+  absl::Status status = connection->database().Execute(script.c_str());
+  if (status.ok()) status = connection->Commit();
+  if (!status.ok()) connection->Rollback();
+  return status;
 }
 
 // A lock that is taken in the order in which it was asked for. std::mutex favours the thread that gave it back.
@@ -373,7 +205,7 @@ class SqliteDatabase : public SqlDatabase {
       const std::string log = absl::StrCat("PRAGMA wal_autocheckpoint = ", LogPages(path));
       PLANISH_RETURN_IF_ERROR(database->writer_.connection->database().Execute(log.c_str()));
     }
-    PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.connection.get()));
+    PLANISH_RETURN_IF_ERROR(SetUp(path, database->writer_.connection.get()));
     for (Place& reader : database->readers_) {
       if (path == kInMemory) break;
       PLANISH_ASSIGN_OR_RETURN(reader.connection, SqliteConnection::Open(path));

@@ -1,4 +1,4 @@
-// The rows beside those of jobs: pieces of work, and the accounts of tenants.
+// Rows of `works` and `tenants`.
 #pragma once
 
 #include <chrono>
@@ -25,16 +25,16 @@ inline constexpr std::size_t kWorkColumnCount = 16;
 
 std::vector<WorkRow> WorkRowsOf(const SqlRows& rows);
 
-// New works, for InsertWork().
+// A batch for InsertWork().
 RowBatch WorkInserts();
 void InsertWork(const WorkRow& work, RowBatch* inserts);
 absl::Status DeleteWork(SqlConnection* sql, const std::string& name);
-// Works that change, for UpdateWork().
+// A batch for UpdateWork().
 RowBatch WorkUpdates();
 void UpdateWork(const WorkRow& work, RowBatch* updates);
 
-// What a transaction adds to accounts, written at its end: whoever holds rows of tenants takes no other locks, so that
-// no two transactions wait for each other.
+// What a transaction adds to accounts. It is written last: a transaction that has locked rows of tenants takes no other
+// locks, which prevents deadlocks.
 class AccountChanges {
  public:
   TenantAccount& of(const std::string& tenant) { return changes_[tenant]; }
@@ -46,22 +46,22 @@ class AccountChanges {
   std::int64_t virtual_time_ = 0;
 };
 
-// Of all tenants that have something waiting or running or received something, and where `all`, of all that have
-// records.
+// Reads the accounts of all tenants with waiting or running work or received time; with `all`, also of those that only
+// have records.
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all = false);
-// The same in two halves, for RunLater(): what to ask, and what the rows say.
+// The two halves of ReadAccounts(), for RunLater(): the statement, and the reader of its rows.
 const std::string& AccountsSql(bool all = false);
 FairAccounts AccountsOf(const SqlRows& rows);
-// What to ask for the account of one tenant, the only parameter.
+// The statement for the account of one tenant, its only parameter.
 const std::string& OwnAccountSql();
 
-// Accounts as this process read them last: of a long queue, which a moment does not change much, that is enough for
+// The accounts that this process read last. In a long queue they change little within a moment, so they suffice for
 // most decisions. Thread-safe.
 class RecentAccounts {
  public:
-  // As they are now.
+  // Accounts just read.
   void Put(const FairAccounts& accounts);
-  // Empty: they are older than a tenth of a second, or fewer than a thousand pieces of work were waiting.
+  // Empty if they are older than 0.1 s, or if fewer than 1,000 pieces of work were waiting.
   std::optional<FairAccounts> Get() const;
 
  private:
@@ -69,10 +69,10 @@ class RecentAccounts {
   // Guarded by mutex_.
   FairAccounts accounts_;
   std::chrono::steady_clock::time_point read_;
-  bool is_long_ = false;  // the queue
+  bool is_long_ = false;  // whether the queue was long
 };
 
-// If there is no work at all, what tenants received is forgotten.
+// Forgets received time, once there is no work at all.
 absl::Status BeginAnew(SqlConnection* sql);
 
 }  // namespace planish

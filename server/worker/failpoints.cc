@@ -47,7 +47,7 @@ constexpr int kExitCode = 42;
   while (true) count.fetch_add(1, std::memory_order_relaxed);
 }
 
-// Never writes to what it takes: where there is no limit, addresses run out before memory does.
+// Never writes to the memory, so that without a limit addresses run out before memory does.
 void ExhaustMemory() {
   constexpr std::size_t kBlock = std::size_t{16} << 20;
   std::vector<std::unique_ptr<char[]>> blocks;
@@ -82,7 +82,7 @@ std::string TryExecutableMemory() {
 std::string TryExec() {
   char name[] = "/bin/true";
   char* const argv[] = {name, nullptr};
-  // In a process of its own, so that a worker without a sandbox outlives its probe.
+  // Runs in its own process, so that a worker without a sandbox survives the probe.
   const pid_t pid = fork();
   if (pid == 0) _exit(execve(name, argv, nullptr) < 0 && errno == EPERM ? 1 : 0);
   if (pid < 0) return Outcome(execve(name, argv, nullptr));
@@ -97,7 +97,7 @@ std::string SoftLimit(__rlimit_resource resource) {
   return std::to_string(limit.rlim_cur);
 }
 
-// Variables that the server should have kept to itself.
+// Counts environment variables that the server should not have passed on.
 int CountForeignVariables() {
   int count = 0;
   for (char** variable = environ; *variable != nullptr; ++variable) {

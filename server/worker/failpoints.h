@@ -1,4 +1,4 @@
-// Faults on demand, for tests of what a server does when a worker fails (planish.worker.v1.WorkRequest.failpoint).
+// Fault injection, for tests of what a server does when a worker fails (planish.worker.v1.WorkRequest.failpoint).
 #pragma once
 
 #include <functional>
@@ -18,11 +18,11 @@ namespace planish {
 //   abort        abort()
 //   segv         writes where no memory is
 //   exit         exits with code 42
-//   hang         sleeps for ever, deaf to cancellation
-//   spin         computes for ever, deaf to cancellation
+//   hang         sleeps for ever, ignoring cancellation
+//   spin         computes for ever, ignoring cancellation
 //   oom          allocates until there is no memory: std::bad_alloc
 //   oom-thread   the same on another thread, where nobody catches it
-//   garbage      sends what is no message
+//   garbage      sends bytes that are not a message
 //   mute         closes the link and goes on
 //   probe        tries what a sandbox should refuse and ends the job with Probe()
 struct Failpoint {
@@ -33,13 +33,13 @@ struct Failpoint {
   static absl::StatusOr<Failpoint> Parse(std::string_view text);
 };
 
-// What an action needs of the worker.
+// What actions call in the worker.
 struct FailpointHooks {
   std::function<void()> send_garbage;
   std::function<void()> close_link;
 };
 
-// Does what `failpoint` says if `point` is its point. Returns the status that the job is to end with, or OK.
+// Performs the action of `failpoint` if `point` is its point. Returns the status that the job must end with, or OK.
 absl::Status ReachPoint(const Failpoint& failpoint, std::string_view point, const FailpointHooks& hooks);
 
 // Tries to open a file and a socket, to start a program and a process, and to signal and trace others. INTERNAL

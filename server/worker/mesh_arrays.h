@@ -8,10 +8,10 @@
 
 namespace planish {
 
-// The mesh that planish.v1.MeshArrays holds: positions of `vertices` vertices and, right behind them, triangles. The
-// same mesh that DecodeDraco() makes of a file that keeps the order of its vertices and faces; positions may be NaN or
+// Reads the mesh in planish.v1.MeshArrays: the positions of `vertices` vertices, followed by triangles. The result is
+// the mesh that DecodeDraco() makes from a file that keeps the order of vertices and faces. Positions may be NaN or
 // infinite. INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE with metadata "faces"; RESOURCE_EXHAUSTED:
-// MESH_TOO_LARGE for more than indices can count; INTERNAL for bytes that are no such arrays.
+// MESH_TOO_LARGE for more elements than indices can count; INTERNAL if the length of `bytes` is wrong.
 absl::StatusOr<Mesh> ReadMeshArrays(std::string_view bytes, std::int64_t vertices);
 
 }  // namespace planish

@@ -12,12 +12,12 @@
 namespace planish {
 namespace {
 
-// Where a file does not say how many triangles it has: the fewest bytes that Draco spends on one, so the most there may
-// be in a file that is not made to deceive.
+// If a file does not tell its number of triangles: the fewest bytes that Draco uses for one, which bounds the number in
+// a file that is not malicious.
 constexpr std::int64_t kLeastBytesPerTriangle = 1;
 
-// More than any encoder writes: Draco's makes 311 bytes of a million triangles that all lie in one point, and 912 of a
-// plane grid with coordinates of one bit.
+// More than any encoder produces: Draco writes a million triangles in a single point in 311 bytes, and a plane grid of
+// as many with coordinates of one bit in 912.
 constexpr std::int64_t kMostTrianglesPerByte = 4096;
 
 }  // namespace
@@ -32,7 +32,7 @@ absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mes
     PLANISH_ASSIGN_OR_RETURN(const DracoCounts counts, PeekDraco(draco));
     const std::int64_t unknown = size.triangles() > 0 ? size.triangles() : mesh_bytes / kLeastBytesPerTriangle;
     needs.size.set_triangles(counts.faces.value_or(unknown));
-    // What is declared is reserved, so it must be possible.
+    // Memory is reserved by the declared counts, so they must be plausible.
     const std::int64_t bytes = std::max(mesh_bytes, static_cast<std::int64_t>(draco.size()));
     if (counts.faces.value_or(0) / kMostTrianglesPerByte > bytes) {
       return MakeError(

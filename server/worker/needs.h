@@ -8,16 +8,16 @@
 
 namespace planish {
 
-// What a worker will need for a mesh, judged by the counts that the file declares.
+// An estimate of what a worker needs for a mesh, from the counts that the file declares.
 struct WorkNeeds {
   v1::MeshSize size;              // as declared
   std::int64_t memory_bytes = 0;  // beyond what an idle worker holds
   double run_seconds = 0;         // on one idle core, roughly
 };
 
-// `draco`: at least the first bytes of a file of `mesh_bytes`; may be empty if `size` says what is in it, which also
-// stands in where the file does not say. Numbers below 0 count as 0. Decodes nothing. INVALID_ARGUMENT with
-// MESH_DECODE_FAILED, OPTIONS_INVALID.
+// `draco`: at least the first bytes of a file of `mesh_bytes` bytes; may be empty. `size`: the counts to use if `draco`
+// does not tell them. Numbers below 0 count as 0. Decodes nothing. INVALID_ARGUMENT with MESH_DECODE_FAILED,
+// OPTIONS_INVALID.
 absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                                         const v1::UnwrapOptions& options);
 

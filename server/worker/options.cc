@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-// The default of an unset field is the core's own.
+// An unset field leaves the core's default.
 template <typename Proto, typename Core>
 struct Choice {
   Proto proto;
@@ -21,6 +21,10 @@ constexpr Choice<v1::Seams, SeamPolicy> kSeams[] = {
     {v1::SEAMS_KEEP, SeamPolicy::kKeep},
     {v1::SEAMS_NEEDED, SeamPolicy::kNeeded},
     {v1::SEAMS_AUTO, SeamPolicy::kAuto},
+};
+constexpr Choice<v1::Prefer, SeamPreference> kPreferences[] = {
+    {v1::PREFER_SEAMS, SeamPreference::kSeams},
+    {v1::PREFER_TEXTURE, SeamPreference::kTexture},
 };
 constexpr Choice<v1::Pack, bool> kPacks[] = {
     {v1::PACK_ON, true},
@@ -93,6 +97,7 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   UnwrapOptions core;
   FlattenOptions& flatten = core.flatten;
   PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
+  PLANISH_RETURN_IF_ERROR(Choose("prefer", kPreferences, options.prefer(), &core.seams.prefer));
   PLANISH_RETURN_IF_ERROR(Choose("pack", kPacks, options.pack(), &core.pack));
   PLANISH_RETURN_IF_ERROR(Choose("atlas_layout", kLayouts, options.atlas_layout(), &core.layout));
   PLANISH_RETURN_IF_ERROR(Choose("effort", kEfforts, options.effort(), &core.atlas.effort));

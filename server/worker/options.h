@@ -1,4 +1,5 @@
-// planish.v1.UnwrapOptions and what the core makes of it: one check for callers (when they submit) and workers.
+// Converts planish.v1.UnwrapOptions to the core's options. The same check serves callers, when they submit a job, and
+// workers.
 #pragma once
 
 #include <vector>
@@ -10,8 +11,8 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator this server does not know, a number
-// out of range, or choices that do not go together.
+// INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator that this server does not know, a number
+// out of range, or choices that cannot be combined.
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options);
 
 // ToCore() without the result.

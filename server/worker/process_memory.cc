@@ -16,10 +16,11 @@
 namespace planish {
 namespace {
 
-// Of a thread beside its work: its stack, and what the allocator keeps for it.
+// Memory of a thread beside its work: its stack, and what the allocator keeps for it.
 constexpr std::int64_t kPerThread = std::int64_t{9} << 20;
 
-// Of free memory beyond what is kept: not worth handing back. glibc keeps up to a page or two more than asked.
+// Free memory of up to this size is not worth returning to the kernel. glibc keeps up to a page or two more than
+// requested.
 constexpr std::int64_t kNotWorthTrimming = std::int64_t{64} << 10;
 
 struct Files {
@@ -47,7 +48,7 @@ Statm ReadStatm() {
   return {pages[1] * page_size, pages[5] * page_size};
 }
 
-// Of the heap: memory that this process has and nobody in it.
+// Free memory at the end of the heap.
 std::int64_t FreeEnd() {
   return static_cast<std::int64_t>(mallinfo2().keepcost);
 }
@@ -85,7 +86,7 @@ std::int64_t PeakMemoryBytes() {
 }
 
 void ResetPeakMemory() {
-  // 5: the high-water mark only.
+  // Writing "5" resets the peak only.
   if (files.clear_refs < 0) return;
   [[maybe_unused]] const ssize_t written = write(files.clear_refs, "5", 1);
 }
@@ -100,7 +101,7 @@ MemoryLimit::MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads)
     SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
     SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
   }
-  // Huge pages for half of it; the rest is for what does not come from the heap of this thread.
+  // Huge pages for half of it; the rest is memory outside this thread's heap.
   ReserveHeap(static_cast<std::size_t>(keep / 2));
 }
 

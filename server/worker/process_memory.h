@@ -1,32 +1,33 @@
-// How much memory this process has, and how much it may take. Reads /proc/self through descriptors that are opened
-// once: in a sandbox there is no opening files.
+// Measures and limits the memory of this process. Reads /proc/self through descriptors that are opened in advance,
+// since a sandbox cannot open files.
 #pragma once
 
 #include <cstdint>
 
 namespace planish {
 
-// Opens what the others read. Before threads and sandbox; without it, and where there is no /proc, the figures come
-// from getrusage or are 0.
+// Opens the files that the other functions read. Call it before there are threads or a sandbox. Otherwise, and without
+// /proc, the figures come from getrusage or are 0.
 void WatchProcessMemory();
 
-// What this process holds when idle beside memory that is ready for the next job (the free end of the heap): what is
-// resident, or private memory with the holes that freed blocks left in it, if that is more. 0: not known.
+// Memory that an idle process holds, without the free end of the heap, which is ready for the next job: its resident
+// memory, or its private memory including holes of freed blocks, whichever is more. 0 if unknown.
 std::int64_t HeldBytes();
 
-// High-water mark of resident memory, since ResetPeakMemory() where the kernel can do that.
+// Peak resident memory, since ResetPeakMemory() if the kernel supports that.
 std::int64_t PeakMemoryBytes();
 void ResetPeakMemory();
 
-// While it lives, this process may take `bytes` (and stacks for `threads`) beyond what it holds; then allocations fail.
-// For a process that does nothing but the work in hand. Counts private memory that can be written to, touched or not
-// (RLIMIT_DATA), and each blob by itself (RLIMIT_FSIZE, whose signal must be ignored). One at a time.
+// While the object lives, this process may take `bytes` (and stacks for `threads`) beyond what it holds; beyond that,
+// allocations fail. For a process that does only this work. Limits writable private memory, touched or not
+// (RLIMIT_DATA), and the size of each blob (RLIMIT_FSIZE, whose signal must be ignored). There may be one object at a
+// time.
 //
-// First hands back free memory beyond what this work is expected to take: the high-water mark is then that of the work,
-// or of what was expected of it. Asks for huge pages for half of what is expected.
+// The constructor returns free memory beyond `expected` to the kernel, so that the peak is that of the work, or
+// `expected` if that is more. It asks for huge pages for half of `expected`.
 class MemoryLimit {
  public:
-  // bytes <= 0: no limit. Without WatchProcessMemory() none either. expected <= 0: not known.
+  // bytes <= 0: no limit. There is none without WatchProcessMemory() either. expected <= 0: unknown.
   MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads);
   ~MemoryLimit();
   MemoryLimit(const MemoryLimit&) = delete;

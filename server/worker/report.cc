@@ -75,7 +75,8 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   return proto;
 }
 
-// Which charts a report describes, ascending: all, or those that did not converge, then the most stretched ones.
+// The charts that a report describes, ascending: all, or, if there are too many, those that did not converge and then
+// the most stretched ones.
 std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) {
   std::vector<std::size_t> ids(charts.size());
   std::iota(ids.begin(), ids.end(), std::size_t{0});
@@ -168,6 +169,9 @@ v1::Quality ToProto(const Quality& quality) {
   proto.set_stretch_l2(quality.stretch_l2);
   proto.set_packing_efficiency(quality.packing_efficiency);
   proto.set_seam_length(quality.seam_length);
+  proto.set_visible_seam_length(quality.visible_seam_length);
+  proto.set_seam_turn_deg(quality.seam_turn_deg);
+  if (quality.seam_symmetry) proto.set_seam_symmetry(*quality.seam_symmetry);
   return proto;
 }
 

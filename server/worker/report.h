@@ -1,4 +1,4 @@
-// The core's progress and results in the service's words.
+// Converts the core's progress and results to messages of the API.
 #pragma once
 
 #include <cstdint>
@@ -12,15 +12,16 @@
 
 namespace planish {
 
-// Without `elapsed` and tolerance.
+// Does not set `elapsed` and the tolerance.
 v1::Progress ToProto(const UnwrapProgress& progress);
 
-// Charts that a report describes one by one (planish.v1.Report.charts): a few hundred KB.
+// Most charts that a report describes one by one (planish.v1.Report.charts): a few hundred KB.
 inline constexpr std::size_t kMaxChartReports = 1024;
-// AtlasParts in a report at most.
+// Most AtlasParts in a report.
 inline constexpr std::size_t kMaxAtlasParts = 1024;
 
-// Without times.queue, times.decode, times.encode, peak_memory_bytes and threads. `result` came from `options`.
+// Does not set times.queue, times.decode, times.encode, peak_memory_bytes and threads. `options`: those of the unwrap
+// that made `result`.
 v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOptions& options);
 
 // The UV bytes of planish.v1.UvDescription: little-endian float32 when `precision` is kFloat (every number must then

@@ -21,9 +21,10 @@ namespace {
 
 constexpr rlim_t kDescriptors = 64;
 
-// What the test-suite's meshes need under strace, and glibc's allocator, threads, qsort() and abort().
+// System calls that the meshes of the tests make (as strace shows), and those of glibc's allocator, threads, qsort()
+// and abort().
 constexpr int kAllowed[] = {
-    // The link, and blobs that come over it or are made for it.
+    // The link, and blobs.
     SCMP_SYS(read),
     SCMP_SYS(write),
     SCMP_SYS(pread64),
@@ -64,7 +65,7 @@ constexpr int kAllowed[] = {
     SCMP_SYS(rt_sigreturn),
     SCMP_SYS(sigaltstack),
     SCMP_SYS(pause),
-    // Clocks, and what else the C library asks for.
+    // Clocks, and other calls of the C library.
     SCMP_SYS(clock_gettime),
     SCMP_SYS(clock_getres),
     SCMP_SYS(clock_nanosleep),
@@ -76,7 +77,7 @@ constexpr int kAllowed[] = {
     SCMP_SYS(uname),
 };
 
-// Adds the rules; 0 or a negative errno.
+// Adds the rules. Returns 0 or a negative errno.
 int AddRules(scmp_filter_ctx filter) {
   int error = 0;
   const auto allow = [&](int call, auto... conditions) {
@@ -86,15 +87,15 @@ int AddRules(scmp_filter_ctx filter) {
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
     allow(call, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   }
-  // Of fcntl only what seals memory for the server.
+  // fcntl only for sealing memory for the server.
   allow(SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_EQ, F_ADD_SEALS, 0));
-  // Threads, not processes. The flags of clone3 lie in memory, where a filter cannot look: the C library takes clone if
-  // there is no clone3.
+  // Threads, but no processes. The flags of clone3 are in memory, which a filter cannot read, so clone3 is refused; the
+  // C library then uses clone.
   allow(SCMP_SYS(clone), SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD));
   if (error == 0) error = seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0);
   // abort() and raise(): signals to itself.
   allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid()), 0));
-  // The memory limit of each job (process_memory.h): its own only.
+  // The memory limit of each job (process_memory.h), for this process only.
   allow(SCMP_SYS(prlimit64), SCMP_A0(SCMP_CMP_EQ, 0, 0));
   return error;
 }
@@ -119,7 +120,7 @@ absl::Status EnterSandbox() {
   if (error == 0) error = AddRules(filter.get());
   if (error == 0) error = seccomp_load(filter.get());
   if (error == 0) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat("the kernel takes no filter of system calls: ", std::strerror(-error)));
+  return absl::UnavailableError(absl::StrCat("the kernel accepts no system call filter: ", std::strerror(-error)));
 }
 
 void ConfineProcess() {
@@ -127,10 +128,10 @@ void ConfineProcess() {
   prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
   SetLimit(RLIMIT_CORE, 0);
   SetLimit(RLIMIT_NOFILE, kDescriptors);
-  // Too large a blob is an error, not a signal.
+  // A blob that is too large should cause an error, not a signal.
   signal(SIGXFSZ, SIG_IGN);
   signal(SIGPIPE, SIG_IGN);
-  // Anybody may raise it; where /proc is not there, the kernel chooses by size alone.
+  // Every process may raise its own score. Without /proc the kernel chooses by size alone.
   const int score = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
   if (score >= 0) {
     [[maybe_unused]] const ssize_t written = write(score, "500", 3);

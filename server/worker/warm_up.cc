@@ -37,7 +37,7 @@ void WarmUp() {
   const absl::StatusOr<BlobPtr> blob = Blob::Copy(*draco);
   if (!blob.ok()) return;
   worker::v1::WorkRequest request;
-  // One chart: where to cut, and how to pack the pieces, is a long search through code that loads nothing.
+  // One chart only: cutting and packing take long and load nothing more.
   request.mutable_options()->set_seams(v1::SEAMS_NONE);
   DoWork(request, {*blob}, {});
   ReturnFreedMemory();

@@ -2,8 +2,8 @@
 
 namespace planish {
 
-// Unwraps a small mesh in vain: what libraries load or start at their first use is there afterwards, so that a sandbox
-// does not get in its way and the first job is as quick as others. Some milliseconds.
+// Unwraps a small mesh and discards the result. Afterwards, everything that libraries load or start at their first use
+// exists, so that the sandbox does not block it and the first job is as fast as others. Takes some milliseconds.
 void WarmUp();
 
 }  // namespace planish

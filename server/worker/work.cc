@@ -86,7 +86,7 @@ class Work {
     return unwrapped;
   }
 
-  // The second blob.
+  // Reads the elements from the second blob.
   absl::Status TakeElements(const Mesh& mesh, UnwrapOptions* options) const {
     if (blobs_.size() < 2) return absl::OkStatus();
     v1::MeshElements elements;
@@ -162,7 +162,7 @@ class Work {
 
 WorkOutcome Failure(const absl::Status& status) {
   WorkOutcome outcome;
-  // The core says so without a reason where a library found no memory.
+  // The core returns this error without a reason if a library ran out of memory.
   const bool out_of_memory =
       status.code() == absl::StatusCode::kResourceExhausted && ErrorInfoOf(status).reason.empty();
   *outcome.result.mutable_status() =
@@ -184,8 +184,8 @@ bool ProgressThrottle::Pass(const v1::Progress& progress) {
 
 absl::Status OutOfMemory() {
   return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
-                   "the job took more memory than was reserved for it, as a mesh may that makes very many charts; weld "
-                   "its vertices, simplify it, or unwrap it in parts");
+                   "the job needed more memory than was reserved for it, for instance because its mesh makes very many "
+                   "charts; weld its vertices, simplify it, or unwrap it in parts");
 }
 
 WorkOutcome DoWork(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control) {
@@ -195,7 +195,7 @@ WorkOutcome DoWork(const WorkRequest& request, const std::vector<BlobPtr>& blobs
   } catch (const std::bad_alloc&) {
     return Failure(OutOfMemory());
   } catch (const std::system_error& error) {
-    // Threads that cannot be started, most of all for want of memory for their stacks.
+    // Threads that cannot be started, usually because there is no memory for their stacks.
     const bool exhausted =
         error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
     return Failure(exhausted ? OutOfMemory() : InternalError(absl::StrCat("the worker failed: ", error.what())));

@@ -1,4 +1,4 @@
-// One job, from request to result, on the calling thread.
+// Runs one job, from request to result, on the calling thread.
 #pragma once
 
 #include <functional>
@@ -13,8 +13,9 @@
 
 namespace planish {
 
-// Thins out progress: every change of stage passes; with one chart every Newton iteration too, and every report between
-// two linear solves. Anything else, as the Newton iterations of a thousand charts, at most every `kIntervalSeconds`.
+// Thins out progress. Every change of stage passes; with a single chart, also every Newton iteration and every report
+// between two linear solves. All other progress, such as the Newton iterations of a thousand charts, passes at most
+// every `kIntervalSeconds`.
 class ProgressThrottle {
  public:
   static constexpr double kIntervalSeconds = 0.1;
@@ -23,13 +24,13 @@ class ProgressThrottle {
   bool Pass(const v1::Progress& progress);
 
  private:
-  std::optional<v1::Progress> last_;  // that passed
+  std::optional<v1::Progress> last_;  // the last progress that passed
 };
 
-// What one job may bring along.
+// Interrupters and callbacks of one job.
 struct WorkControl {
   const Interrupter* cancel = nullptr;  // end without a result
-  const Interrupter* stop = nullptr;    // end soon with the best map there is
+  const Interrupter* stop = nullptr;    // end soon, with the best map so far
   // Called on the working thread, throttled.
   std::function<void(const v1::Progress&)> on_progress;
   // Called at the points of server/worker/failpoints.h; a status other than OK ends the job.
@@ -41,12 +42,12 @@ struct WorkOutcome {
   BlobPtr uv;  // the UV bytes; null unless it succeeded
 };
 
-// RESOURCE_EXHAUSTED with reason OUT_OF_MEMORY: how a job ends whose worker has no memory left.
+// The error of a job whose worker ran out of memory: RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
 absl::Status OutOfMemory();
 
-// Decodes, unwraps, packs. `blobs` as they come with the request (planish.worker.v1.WorkRequest). Never throws:
-// whatever goes wrong is the result's status (OUT_OF_MEMORY and INTERNAL for exceptions, of the callbacks too). After a
-// cancel the result is CANCELLED, as soon as Unwrap() notices.
+// Decodes, unwraps, packs. `blobs` as they come with the request (planish.worker.v1.WorkRequest). Never throws: errors
+// become the result's status (OUT_OF_MEMORY and INTERNAL for exceptions, also those of callbacks). After a cancel the
+// result is CANCELLED, as soon as Unwrap() notices it.
 WorkOutcome DoWork(const worker::v1::WorkRequest& request, const std::vector<BlobPtr>& blobs,
                    const WorkControl& control);
 

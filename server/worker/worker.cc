@@ -17,8 +17,8 @@
 namespace planish {
 namespace {
 
-// Free memory that stays with a process between jobs: what 250,000 triangles take. Memory that the kernel took back has
-// to be found and cleared again, which costs a job of 200,000 triangles up to a fifth of its time.
+// Free memory that a process keeps between jobs: as much as 250,000 triangles take. Getting memory back from the
+// kernel, which clears it, costs a job of 200,000 triangles up to a fifth of its time.
 constexpr std::size_t kWarmBytes = std::size_t{256} << 20;
 
 using worker::v1::FromWorker;
@@ -30,8 +30,7 @@ struct Order {
   Interrupter stop;
 };
 
-// What the server wants. Listens on a thread of its own until the link closes, also while a job is under way.
-// Thread-safe.
+// The orders of the server. Reads them on its own thread until the link closes, also while a job runs. Thread-safe.
 class Orders {
  public:
   explicit Orders(ServerLink* server) : server_(server), listener_([this] { Listen(); }) {}
@@ -40,7 +39,7 @@ class Orders {
     listener_.join();
   }
 
-  // Waits for the next job; null when the link is closed. The job before it is over.
+  // Waits for the next job, after the previous one has ended; null when the link is closed.
   std::shared_ptr<const Order> Next() {
     std::unique_lock lock(mutex_);
     present_ = nullptr;
@@ -59,7 +58,7 @@ class Orders {
         changed_.notify_all();
         continue;
       }
-      // For the job that was sent last, unless it is over.
+      // Refers to the job that was sent last, unless it has ended.
       Order* const order = next_ != nullptr ? next_.get() : present_.get();
       if (order == nullptr) continue;
       if (received->message.has_cancel()) order->cancel.Interrupt();
@@ -126,7 +125,7 @@ void Serve(const Order& order, ServerLink& server, const WorkerSettings& setting
   FromWorker answer;
   *answer.mutable_result() = std::move(outcome.result);
   server.Send(std::move(answer), std::move(outcome.uv));
-  // The job is over; whatever comes of this is no longer its business.
+  // The job has ended, so this status no longer matters.
   at_point("idle").IgnoreError();
 }
 

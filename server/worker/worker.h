@@ -1,4 +1,4 @@
-// A worker: what runs at the far end of a link.
+// A worker: the code at the worker's end of a link.
 #pragma once
 
 #include <functional>
@@ -9,18 +9,18 @@
 namespace planish {
 
 struct WorkerSettings {
-  // The process does nothing but this: it holds to WorkRequest.memory_bytes and tells how much memory it has.
+  // The process does only this, so it enforces WorkRequest.memory_bytes and reports its memory.
   bool owns_process = false;
   bool failpoints = false;             // WorkRequest.failpoint is obeyed
   std::function<void()> send_garbage;  // for the failpoint of that name
-  worker::v1::WorkerIdle idle;         // what it says when it is idle, beside its memory
+  worker::v1::WorkerIdle idle;         // the message it sends when idle; its memory is filled in
 };
 
 // Serves jobs over `server`, one after the other, until the link closes: says that it is idle, waits for a WorkRequest,
-// sends events and the result, hands back the memory. A CancelRequest or a closed link interrupts the work under way.
+// sends events and the result, frees the memory. A CancelRequest or a closed link interrupts the running job.
 void ServeJobs(ServerLink& server, const WorkerSettings& settings);
 
-// The same on a thread of a process that does other things too.
+// ServeJobs() on a thread of a process that does other things too.
 void RunWorker(ServerLink& server);
 
 }  // namespace planish

@@ -46,13 +46,14 @@ class BareJobs {
         "FROM generate_series(1, ?) AS i",
         {flags.tenants, flags.waiting});
     sql.Run(
-        "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
-        "seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) SELECT number, name, tenant, "
-        "md5(name), 1, 0, 0, CAST('key of ' || name AS BYTEA), CAST(name AS BYTEA), '', '', 0, ?, '', number, name, "
+        "INSERT INTO bare_jobs (number, name, tenant, request_id, state, priority, ended, end_time, work_key, "
+        "mesh_sha256, "
+        "elements_sha256, uv_sha256, record, report, create_time, work, due) SELECT number, name, tenant, "
+        "md5(name), 1, 0, 0, 0, CAST('key of ' || name AS BYTEA), CAST(name AS BYTEA), '', '', ?, '', number, name, "
         "9223372036854775807 FROM bare_works ORDER BY number",
         {SqlBytes{record_}});
     sql.Run("INSERT INTO bare_labels SELECT number, 'asset', 'crate' FROM bare_works ORDER BY number");
-    sql.Run("INSERT INTO bare_events SELECT number, 1, ?, 1 FROM bare_works ORDER BY number", {SqlBytes{record_}});
+    sql.Run("INSERT INTO bare_events SELECT number, 1, 1, ? FROM bare_works ORDER BY number", {SqlBytes{record_}});
     for (const std::string table : {"jobs", "works", "events", "labels"}) sql.Run("ANALYZE bare_" + table);
     const SqlRows rows = sql.Run("SELECT number, name, tenant FROM bare_works ORDER BY number");
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -146,9 +147,9 @@ class BareJobs {
     sql->Begin(Durability::kNow);
     row.number =
         sql->Run(
-               "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
-               "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) VALUES "
-               "(nextval('bare_numbers'), ?, ?, ?, 1, 0, 0, ?, ?, '', '', 0, ?, '', ?, ?, "
+               "INSERT INTO bare_jobs (number, name, tenant, request_id, state, priority, ended, end_time, work_key, "
+               "mesh_sha256, elements_sha256, uv_sha256, record, report, create_time, work, due) VALUES "
+               "(nextval('bare_numbers'), ?, ?, ?, 1, 0, 0, 0, ?, ?, '', '', ?, '', ?, ?, "
                "9223372036854775807) RETURNING number",
                {std::string_view(row.name), std::string_view(row.tenant), std::string_view(id), SqlBytes{key},
                 SqlBytes{row.name}, SqlBytes{record_}, absl::ToUnixNanos(absl::Now()), std::string_view(row.name)})

@@ -17,7 +17,7 @@ namespace {
 int Main(int argc, char** argv) {
   CLI::App app("Counts the charts of meshes");
   std::vector<std::string> specs;
-  std::vector<double> limits = {UnwrapOptions().seams.max_stretch};
+  std::vector<double> limits = {UnwrapOptions().MaxStretch()};
   UnwrapOptions options;
   bool no_pack = false;
   app.add_option("--max-stretch", limits, "one or several, separated by commas")->delimiter(',');

@@ -61,7 +61,7 @@ inline std::unique_ptr<JobStore> OpenStore(const Flags& flags, int machines, int
   options.must_hear = must_hear;
   std::unique_ptr<SqlDatabase> opened = Get(OpenPostgresDatabase(options));
   SqlDatabase* const database = opened.get();
-  std::unique_ptr<JobStore> store = NewJobStore(std::move(opened));
+  std::unique_ptr<JobStore> store = std::make_unique<JobStore>(std::move(opened));
   database->SetProcesses(machines + 1, 1);
   Get(store->Find(""));  // makes the first connection: not all machines at once
   return store;

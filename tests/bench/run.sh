@@ -5,6 +5,7 @@
 #   tests/bench/run.sh scale [MESH...]  20,000 to 2 million triangles: time, CPU, iterations, memory
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
+#   tests/bench/run.sh seams FOLDER     where seams lie, beside those of the artists who made the UV of FOLDER/*.obj, and xatlas
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #   tests/bench/run.sh tuning           each constant of the solver, linear algebra and boundary control halved and doubled
 #   tests/bench/run.sh farm             jobs a second that one PostgreSQL takes, 200 machines and 100,000 waiting jobs
@@ -52,12 +53,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | tuning | service | farm | chaos | mutations | report) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, chaos, mutations, report)" ;;
+  paper | scale | peers | atlas | seams | memory | tuning | service | farm | chaos | mutations | report) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, seams, memory, tuning, service, farm, chaos, mutations, report)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | tuning | service | farm | chaos | mutations | report) ;;
+  memory | seams | tuning | service | farm | chaos | mutations | report) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
@@ -65,6 +66,7 @@ esac
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
 targets=(planish_bench)
 case $bench in atlas | service | report) targets+=(planish planishd) ;; esac
+[ "$bench" != seams ] || targets=(planish planishd)
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
 [ "$bench" != chaos ] || targets=(planish_farm_chaos)
@@ -475,6 +477,24 @@ report() {
 card; the empty page is one by three.js that draws the same triangles, positions and UV in one colour, in two views (\`tests/bench/report_page.mjs\`)." \
     >"$out/report.md"
   node "$here/report_page.mjs" "$bin/planish" "$(command -v chromium)" "$mesh" "$work" "${ROUNDS:-3}" >>"$out/report.md"
+}
+
+seams() {
+  [ ${#meshes[@]} -eq 1 ] && [ -d "${meshes[0]}" ] || fail "seams FOLDER: of meshes in OBJ with their artists' UV"
+  command -v node >/dev/null || fail "no node: deploy/install-packages.sh bench"
+  local folder=${meshes[0]} modules missing=""
+  if [ -n "$quick" ]; then
+    mkdir "$work/few"
+    find "$folder" -name '*.obj' -size -300k | sort | head -2 | xargs -I{} cp {} "$work/few"
+    folder=$work/few
+  fi
+  modules=$(install_xatlas) || modules=""
+  [ -n "$modules" ] || missing=" xatlas was not there: it takes node, npm and a registry."
+  heading "Seams, against people" "Figures of \`planish check\` (\`core/unwrap/seam_figures.h\`). Charts, seam length and visible seam length: geometric
+means of the ratios to the artists'; turn (degrees), symmetry (where there is a mirror plane) and packing efficiency: means; stretch (L2): the
+median. Of xatlas' maps, whose UV are texels, the packing efficiency says nothing. The fold of mirrored halves that an artist has
+stacked is no seam of his here.$missing" >"$out/seams.md"
+  node "$here/seams_table.mjs" "$bin/planish" "$folder" "$work" ${modules:+"$modules"} >>"$out/seams.md"
 }
 
 mutations() {

@@ -305,6 +305,9 @@ TEST(CheckMap, SeamsAreEdgesWhereTheMapParts) {
       "f 1/1 2/2 5/3 4/4\nf 2/5 3/6 6/7 5/8\n");
   EXPECT_EQ(judged.map.topology.num_charts, 2);
   EXPECT_NEAR(judged.check().seam_length, 1 / std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(judged.check().seams.visible_length, 1 / std::sqrt(2.0), 1e-6);
+  EXPECT_EQ(judged.check().seams.symmetry, 1);
+  EXPECT_THAT(judged.text, HasSubstr("in view"));
 }
 
 TEST(CheckMap, PilesOfTrianglesAreCountedUpToACap) {

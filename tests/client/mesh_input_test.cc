@@ -81,7 +81,7 @@ TEST_F(MeshInputs, GetTheirOwnPartOfTheUv) {
     numbers.push_back(c >= 9 ? 0.75f : 0.25f);
   }
   const std::string out = (directory_ / "out").string();
-  const WrittenMesh written = input.WithUv(Uv(std::move(numbers)), input.Outputs(out, 0));
+  const WrittenMesh written = input.WithUv(Uv(std::move(numbers)), input.Outputs(out, 0, 0, {}));
   ASSERT_EQ(written.files.size(), 2u);
   EXPECT_EQ(written.files[0].path, out + "/a.obj");
   EXPECT_NE(written.files[0].bytes.find("vt 0.3125 0.25\n"), std::string::npos) << written.files[0].bytes;
@@ -93,18 +93,18 @@ TEST_F(MeshInputs, OutputsAreCheckedBeforehand) {
   const MeshInput one(File("a.obj", kSquare));
   const MeshInput two({File("a.obj", kSquare), File("sub/a.obj", kQuad)});
   const std::string out = (directory_ / "out").string();
-  EXPECT_EQ(one.Outputs(out + "/x.GLB", 0)[0].format, MeshFormat::kGlb);
-  EXPECT_EQ(one.Outputs("-", 0)[0].format, MeshFormat::kObj);
-  EXPECT_EQ(one.Outputs(out, 0)[0].path, out + "/a.obj");
-  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.stl", 0); }), "OUTPUT_UNSUPPORTED");
-  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.txt", 0); }), "OUTPUT_UNSUPPORTED");
-  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.obj", 1); }), "OUTPUT_UNSUPPORTED");
-  EXPECT_EQ(one.Outputs(out + "/new/", 0)[0].path, out + "/new/a.obj");
+  EXPECT_EQ(one.Outputs(out + "/x.GLB", 0, 0, {})[0].format, MeshFormat::kGlb);
+  EXPECT_EQ(one.Outputs("-", 0, 0, {})[0].format, MeshFormat::kObj);
+  EXPECT_EQ(one.Outputs(out, 0, 0, {})[0].path, out + "/a.obj");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.stl", 0, 0, {}); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.txt", 0, 0, {}); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.obj", 0, 1, {}); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(one.Outputs(out + "/new/", 0, 0, {})[0].path, out + "/new/a.obj");
   EXPECT_TRUE(std::filesystem::is_directory(out + "/new"));
-  EXPECT_EQ(Reason([&] { one.Outputs(out + "/none/x.obj", 0); }), "FILE_UNWRITABLE");
-  EXPECT_EQ(Reason([&] { one.Outputs((directory_ / "a.obj/new/").string(), 0); }), "FILE_UNWRITABLE");
-  EXPECT_EQ(Reason([&] { two.Outputs(out + "/x.obj", 0); }), "OUTPUT_UNSUPPORTED");
-  EXPECT_EQ(Reason([&] { two.Outputs(out, 0); }), "OUTPUT_UNSUPPORTED") << "both are a.obj";
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/none/x.obj", 0, 0, {}); }), "FILE_UNWRITABLE");
+  EXPECT_EQ(Reason([&] { one.Outputs((directory_ / "a.obj/new/").string(), 0, 0, {}); }), "FILE_UNWRITABLE");
+  EXPECT_EQ(Reason([&] { two.Outputs(out + "/x.obj", 0, 0, {}); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { two.Outputs(out, 0, 0, {}); }), "OUTPUT_UNSUPPORTED") << "both are a.obj";
 }
 
 TEST(ElementIdsTest, MetadataKeepsWhatIsNoId) {

@@ -29,7 +29,7 @@ std::vector<std::string> BrokenPolygonPromises(const std::string& obj, MeshForma
   if (result.is_refused) return {};
   if (!result.error.empty()) return {result.error};
   const PolygonUv uv = UvOfPolygons(file->mesh, triangles, result.uv.data());
-  const auto written = WriteMeshWithUv(*file, uv, {format, "out", result.is_float, 0});
+  const auto written = WriteMeshWithUv(*file, uv, {format, "out", result.is_float, 0, {}});
   if (!written.ok()) return {"cannot be written: " + written.status().ToString()};
   absl::StatusOr<MeshFile> again = ReadMeshBytes("out", format, written->files.back().bytes);
   if (!again.ok()) return {"cannot be read again: " + again.status().ToString()};

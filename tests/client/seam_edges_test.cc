@@ -80,6 +80,30 @@ TEST_F(PolygonEdgesTest, UvBordersAreWhereIdsDifferAtAnEnd) {
   EXPECT_THAT(PolygonEdges(file_, triangles_).UvBorders(), ElementsAre(kFaces14)) << "none on either side";
 }
 
+// A flat pouch of two sheets that hang together at all sides, the back mirrored onto the front in the map. It
+// cannot lie flat unfolded, so that its folds are seams; two sheets that hang together at one side can.
+TEST_F(PolygonEdgesTest, UvFoldsAreWhereOneHalfIsMirroredOntoTheOther) {
+  const auto folds = [](bool is_pouch) {
+    MeshFile file;
+    PolygonMesh& mesh = file.mesh;
+    for (const double z : {0.0, 0.1}) {
+      for (const double y : {0.0, 1.0}) {
+        for (const double x : {0.0, 1.0}) mesh.positions.emplace_back(x, y, z);
+      }
+    }
+    mesh.texcoords = {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1), Vec2(1, 1)};
+    // Both sheets, and between them nothing: the back has the front's vertices along the sides that hang together.
+    const std::int32_t other = is_pouch ? 0 : 4;
+    mesh.polygon_begin = {0, 4, 8};
+    mesh.corner_vertex = {0, 1, 3, 2, 0, 2, 3 + other, 1 + other};
+    mesh.corner_texcoord = {0, 1, 3, 2, 0, 2, 3, 1};
+    const Triangulation triangles = Triangulate(mesh);
+    return PolygonEdges(file, triangles).UvFolds().size();
+  };
+  EXPECT_EQ(folds(true), 4u);
+  EXPECT_EQ(folds(false), 0u);
+}
+
 TEST_F(PolygonEdgesTest, MaterialAndGroupBorders) {
   file_.mesh.polygon_material = {0, 0, 1};
   file_.mesh.polygon_group = {-1, 0, 0};

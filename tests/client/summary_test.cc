@@ -32,6 +32,9 @@ Report GoodReport() {
   report.quality.stretch_l2 = 1.897;
   report.quality.packing_efficiency = 0.64;
   report.quality.seam_length = 12.34;
+  report.quality.visible_seam_length = 9.87;
+  report.quality.seam_turn_deg = 31.4;
+  report.quality.seam_symmetry = 0.567;
   return report;
 }
 
@@ -40,7 +43,9 @@ TEST(SummaryTest, UsableResult) {
             "Flattened 23,062 triangles in 0.82 s into out.obj: 1 chart.\n"
             "Packed into 1 tile of 1,024 x 1,024 texels: 64 % of them used, 341 texels per unit of length.\n"
             "Stretch 1.90; angles off by 1.20 degrees on average, 34.0 at most.\n"
-            "Seams are 12.3 times as long as the root of the surface's area.\n"
+            "Seams are 12.3 times as long as the root of the surface's area, 9.9 of that in view; they turn by 31 "
+            "degrees from "
+            "edge to edge; 57 % have their mirror image.\n"
             "No flipped, degenerate or overlapping triangles.\n");
 }
 
@@ -107,7 +112,7 @@ TEST(SummaryTest, SaysWhatBecameOfTheOutline) {
   Report report = GoodReport();
   report.charts[0].boundary = {Boundary::kConvex, 1616, 610, 6, true};
   EXPECT_THAT(Summary(report, {}, Terminal()),
-              HasSubstr("area.\nThe outline is convex: straight at 610 of its 1,616 vertices.\nNo flipped"));
+              HasSubstr("mirror image.\nThe outline is convex: straight at 610 of its 1,616 vertices.\nNo flipped"));
   report.charts[0].boundary.settled = false;
   EXPECT_THAT(Summary(report, {}, Terminal()), ::testing::Not(HasSubstr("convex")));
 }
@@ -148,7 +153,9 @@ TEST(SummaryTest, ManyChartsMakeNoLongerText) {
             "unit of length.\n"
             "Stretch 1.90, 1.31 in the worst chart (77, 4,923 triangles); angles off by 1.20 degrees on average, 34.0 "
             "at most.\n"
-            "Seams are 12.3 times as long as the root of the surface's area.\n"
+            "Seams are 12.3 times as long as the root of the surface's area, 9.9 of that in view; they turn by 31 "
+            "degrees from "
+            "edge to edge; 57 % have their mirror image.\n"
             "The outlines of 1,023 charts are convex: straight at 10,230 of their 40,920 vertices.\n"
             "No flipped, degenerate or overlapping triangles.\n"
             "warning: chart 1 is slow [NOT_CONVERGED]\n"

@@ -29,9 +29,10 @@ struct Estimated {
   ChartEstimates estimates;
 };
 
+// By ABF, whether the map overlaps itself or not.
 UnwrapResult Solved(const Mesh& mesh) {
   UnwrapOptions options;
-  options.seams.policy = SeamPolicy::kKeep;
+  options.seams.policy = SeamPolicy::kNone;
   options.pack = false;
   return Unwrap(mesh, options, {}).value();
 }

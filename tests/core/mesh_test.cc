@@ -12,6 +12,7 @@
 #include "core/mesh/local_origin.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/spatial_order.h"
+#include "core/mesh/visibility.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
@@ -32,6 +33,46 @@ std::string Metadata(const Mesh& mesh, const std::string& key) {
 }
 std::string Message(const Mesh& mesh) {
   return std::string(CheckDisc(mesh).message());
+}
+
+double MeanVisibility(const Mesh& mesh) {
+  double sum = 0;
+  for (const float share : FaceVisibility(mesh)) {
+    EXPECT_TRUE(share >= 0 && share <= 1) << share;
+    sum += static_cast<double>(share) / static_cast<double>(mesh.faces.size());
+  }
+  return sum;
+}
+
+TEST(Visibility, IsTheOpenShareOfTheHemisphere) {
+  Mesh ball = testing::PuncturedSphere(20, 0.01);
+  EXPECT_GT(MeanVisibility(ball), 0.99);
+  for (Face& face : ball.faces) std::swap(face[0], face[1]);
+  EXPECT_LT(MeanVisibility(ball), 0.01);
+  // Two sheets that face each other: from the middle of either the other one blocks 0.554 of the view (by the formula
+  // for squares opposite each other), from a corner half of that or less.
+  Mesh sheets = testing::Plane(40, 40);
+  EXPECT_NEAR(MeanVisibility(sheets), 1, 1e-9);
+  const Vec3 size = sheets.positions[0].cwiseMax(sheets.positions.back()) - sheets.positions[0];
+  const auto count = static_cast<std::int32_t>(sheets.positions.size());
+  for (std::int32_t v = 0; v < count; ++v) {
+    sheets.positions.push_back(sheets.positions[v] + Vec3(0, 0, 0.5 * size.cwiseAbs().maxCoeff()));
+  }
+  for (std::size_t f = 0, n = sheets.faces.size(); f < n; ++f) {
+    const auto [a, b, c] = sheets.faces[f];
+    sheets.faces.push_back({count + a, count + c, count + b});
+  }
+  const float middle = FaceVisibility(sheets)[2 * (40 * 20 + 20)], corner = FaceVisibility(sheets)[0];
+  EXPECT_NEAR(middle, 1 - 0.554, 0.1);
+  EXPECT_GT(corner, middle + 0.15);
+  sheets.positions.push_back({NAN, 0, 0});  // belongs to no face
+  EXPECT_EQ(FaceVisibility(sheets)[2 * (40 * 20 + 20)], middle);
+}
+
+TEST(Visibility, IsTheSameForAnyNumberOfThreads) {
+  const Mesh hills = testing::Hills(120, 120);
+  ThreadTeam team(3);
+  EXPECT_EQ(FaceVisibility(hills, {&team}), FaceVisibility(hills));
 }
 
 TEST(DiscCheck, DescribesADisc) {

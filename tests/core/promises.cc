@@ -144,7 +144,7 @@ std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& o
   }
   const std::vector<double> stretch = StretchOfCharts(mesh, *result);
   const auto stretched =
-      std::count_if(stretch.begin(), stretch.end(), [&](double s) { return s > kSlack * options.seams.max_stretch; });
+      std::count_if(stretch.begin(), stretch.end(), [&](double s) { return s > kSlack * options.MaxStretch(); });
   if (stretched > 0) {
     broken.push_back(std::to_string(stretched) + " charts are stretched beyond the limit, by " +
                      std::to_string(*std::max_element(stretch.begin(), stretch.end())));

@@ -109,6 +109,31 @@ expect 1 $'\nFAILED: bad\n  | a.cc:7: Failure\n  | 1\n*  | 15\nFAILED: worse\n  
 for text in "  | 16"$'\n' "  | 130" "of the first try" "said by good"; do
   [[ $printed != *"$text"* ]] || expect 1 "nothing else than that"
 done
+# A GoogleTest program of several cases, each of which counts: one prints without ending its line, one may be skipped.
+{ case_of good run; case_of quick_b fail; case_of quick_c run; } | report
+cases='[ RUN      ] S.One
+no end of line[       OK ] S.One (3 ms)
+[ RUN      ] S.Two
+b.cc:9: Failure
+[  FAILED  ] S.Two, where GetParam() = 4 (1 ms)
+[ RUN      ] _Case/2
+[  SKIPPED ] _Case/2 (0 ms)'
+{
+  try_of quick_b Failed "$cases" | sed 's#^Command: .*#Command: "/x/b_test" "--gtest_filter=-A.*"#'
+  try_of quick_c Failed "[ RUN      ] S.One"$'\n'"[  FAILED  ] S.One (1 ms)"
+  try_of quick_c Passed "[ RUN      ] S.One"$'\n'"[       OK ] S.One (1 ms)"
+} >log.txt
+printf 'b__Case/* any too rare\n' >>allowed.txt
+read_report
+expect 1 $'\nFAILED: b_S.Two\n  | b.cc:9: Failure\n  *REPEATED: quick_c failed' "1 too rare" $'\n3 passed, 1 failed, 1 skipped'
+# Without the case that failed, and with one during which the program ended.
+{ try_of quick_b Failed "${cases/b.cc*ms)$'\n'\[ RUN/[       OK ] S.Two (1 ms)$'\n'[ RUN}"; } | sed 's#^Command: .*#Command: "/x/b_test"#' >log.txt
+read_report
+expect 1 $'\nFAILED: quick_b\n' $'\n4 passed, 1 failed, 1 skipped'
+try_of quick_b Failed "[ RUN      ] S.Three"$'\n'"[       OK ] S.Three (1 ms)"$'\n'"[ RUN      ] S.Ended" |
+  sed 's#^Command: .*#Command: "/x/b_test"#' >log.txt
+read_report
+expect 1 $'\nFAILED: b_S.Ended\n' $'\n3 passed, 1 failed'
 try_of x Passed "" >log.txt
 
 # The list itself.

@@ -58,7 +58,9 @@ TEST(Settings, UsedByIsNotBlind) {
 
 TEST(Settings, FlagsAndVariablesThatFilesUseExist) {
   std::map<std::string, std::string> texts;
-  for (const std::string path : {"Dockerfile", "README.md", "server/README.md"}) texts[path] = ReadSource(path);
+  for (const std::string path : {"Dockerfile", "README.md", "server/README.md", "server/jobs/README.md",
+                                 "server/store/README.md", "server/rpc/README.md", "server/metrics/README.md"})
+    texts[path] = ReadSource(path);
   const std::filesystem::path root = PLANISH_SOURCE_TREE;
   for (const auto& file : std::filesystem::recursive_directory_iterator(root / "deploy")) {
     if (file.is_regular_file()) texts[file.path().lexically_relative(root)] = ReadFile(file.path());

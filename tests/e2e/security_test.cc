@@ -111,7 +111,7 @@ TEST_F(SecurityTest, CredentialsThatDoNotDo) {
   StartSecure();
   const Outcome none = Version({Ca()});
   EXPECT_EQ(none.exit_code, 2);
-  EXPECT_THAT(none.err, HasSubstr("takes calls with credentials only"));
+  EXPECT_THAT(none.err, HasSubstr("this server needs credentials"));
   EXPECT_THAT(none.err, HasSubstr("--token-file"));
   const Outcome wrong = Version({Ca()}, {{"PLANISH_TOKEN", "guess"}});
   EXPECT_EQ(wrong.exit_code, 2);

@@ -85,9 +85,9 @@ TEST_F(UnwrapTest, FirstRunNeedsNothing) {
   }
   EXPECT_EQ(report["quality"]["flipped"], 0);
   EXPECT_EQ(report["quality"]["degenerate"], 0);
-  for (const char* key :
-       {"overlapping", "angle_error_mean_deg", "angle_error_max_deg", "abf_energy", "conformal_distortion_mean",
-        "conformal_distortion_max", "stretch_l2", "packing_efficiency", "seam_length"}) {
+  for (const char* key : {"overlapping", "angle_error_mean_deg", "angle_error_max_deg", "abf_energy",
+                          "conformal_distortion_mean", "conformal_distortion_max", "stretch_l2", "packing_efficiency",
+                          "seam_length", "visible_seam_length", "seam_turn_deg", "seam_symmetry"}) {
     EXPECT_TRUE(report["quality"].contains(key)) << key;
   }
   double stages = 0;

@@ -150,7 +150,7 @@ TEST_F(FarmChaos, EveryJobEndsOnce) {
   EXPECT_TRUE(WaitUntil([&] {
     return Ask(host,
                "SELECT count(*) FROM blobs b WHERE NOT EXISTS (SELECT 1 FROM jobs j WHERE j.tenant = b.tenant AND "
-               "(j.ended = 0 AND (j.mesh_sha256 = b.sha256 OR j.seams_sha256 = b.sha256) OR j.uv_bytes > 0 AND "
+               "(j.ended = 0 AND (j.mesh_sha256 = b.sha256 OR j.elements_sha256 = b.sha256) OR j.outcome = 4 AND "
                "j.uv_sha256 = b.sha256))") == 0;
   }));
 }

@@ -33,7 +33,7 @@ void CheckOptions(const v1::UnwrapOptions& options) {
   Require(std::isfinite(core->flatten.tolerance) && core->flatten.tolerance > 0, "tolerance is a number above 0");
   Require(core->flatten.max_newton_iterations >= 0, "iterations are counted from 0");
   Require(core->threads >= 1 && core->threads <= kMaxThreads, "threads in range");
-  Require(std::isfinite(core->seams.max_stretch) && std::isfinite(core->seams.hard_edge_degrees), "seams are numbers");
+  Require(std::isfinite(core->MaxStretch()) && std::isfinite(core->seams.hard_edge_degrees), "seams are numbers");
   Require(core->atlas.texture_size > 0 && core->atlas.padding >= 0 && core->atlas.tiles > 0, "a texture has a size");
 }
 

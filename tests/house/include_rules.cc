@@ -46,7 +46,8 @@ const std::vector<Layer>& Layers() {
         "server/metrics"}},
       {"server", {"core/base", "proto", "server"}},
       {"client/include/planish", {"client/include/planish"}},
-      {"client/files", {"core/base", "core/mesh", "core/draco", "client/files"}},
+      {"client/texture", {"core/base", "core/mesh", "client/texture"}},
+      {"client/files", {"core/base", "core/mesh", "core/draco", "client/texture", "client/files"}},
       {"client/pictures", {"core/base", "core/mesh", "client/files", "client/pictures"}},
       {"client/src", {"core/base", "core/mesh", "core/draco", "proto", "client/include/planish", "client/src"}},
       // The command stands on the public headers; of the library's inside it shares only helpers that know no server.
@@ -54,7 +55,7 @@ const std::vector<Layer>& Layers() {
       // which has the judge of maps.
       {"client/cli",
        {"core/base", "core/mesh", "core/pack", "core/unwrap/chart_spacing.h", "core/unwrap/map_check.h",
-        "core/unwrap/verify.h", "client/files", "client/pictures", "client/include/planish", "client/cli",
+        "core/unwrap/verify.h", "client/texture", "client/files", "client/pictures", "client/include/planish", "client/cli",
         "client/src/errors.h"}},
       {"proto", {"proto"}},
       {"deploy/packages", {}},
@@ -78,6 +79,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/draco", "tests"}},
       {std::regex(R"(^meshoptimizer\.h$)"), "meshoptimizer", {"client/files", "tests"}},
+      {std::regex(R"(^(jpeglib\.h|jerror\.h|webp/.*)$)"), "libjpeg and libwebp", {"client/texture"}},
       {std::regex(R"(^utf8proc\.h$)"), "utf8proc", {"client/cli/text.cc"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/mesh/tri_mesh.h"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h|cblas.*\.h|omp\.h)$)"), "BLAS, CHOLMOD and OpenMP", {}},

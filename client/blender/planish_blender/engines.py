@@ -47,6 +47,7 @@ class Options:
     texture_size: int = 1024
     padding: int = 2
     boundary: str = "free"
+    prefer: str = "texture"
 
 
 @dataclass
@@ -218,6 +219,7 @@ class _PackageCall:
                 face_polygon=sheet.polygon,
                 seams=options.seams,
                 max_stretch=options.max_stretch if options.seams == "auto" else None,
+                prefer=options.prefer if options.seams == "auto" else "texture",
                 texture_size=options.texture_size,
                 padding=options.padding,
                 boundary=options.boundary,
@@ -316,7 +318,7 @@ class _CommandCall:
         arguments = [command, "unwrap", self._path("mesh.obj"), "-o", self._path("uv.obj"), "--json", "--progress=json"]
         arguments += ["--precision=float", f"--seams={','.join(seams)}"]
         if options.seams == "auto":
-            arguments.append(f"--max-stretch={options.max_stretch:.9g}")
+            arguments += [f"--max-stretch={options.max_stretch:.9g}", f"--prefer={options.prefer}"]
         arguments += [f"--texture-size={options.texture_size}", f"--padding={options.padding}", f"--boundary={options.boundary}"]
         arguments += [f"--label=file={sheet.name[:60]}"]
         environment = dict(os.environ)

@@ -36,9 +36,18 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         items=(
             ("AUTO", "For Stretch", "As many more as keep the stretch of every chart below the limit"),
             ("NEEDED", "Where Needed", "Only where a part between the seams cannot lie flat otherwise"),
-            ("KEEP", "Nowhere", "A part between the seams that cannot lie flat is an error"),
+            ("KEEP", "Nowhere", "A part with holes is slit where it has no other map; a closed part is an error"),
         ),
         default="AUTO",
+    )
+    prefer: bpy.props.EnumProperty(
+        name="Prefer",
+        description="What seams are placed for",
+        items=(
+            ("SEAMS", "Seams", "Few, short and hidden seams"),
+            ("TEXTURE", "Texture", "Charts that pack well: more of them"),
+        ),
+        default="TEXTURE",
     )
     max_stretch: bpy.props.FloatProperty(
         name="Stretch",
@@ -76,9 +85,10 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         layout.use_property_split = True
         layout.column(heading="Seams").prop(self, "seams")
         layout.prop(self, "cuts")
-        row = layout.row()
-        row.active = self.cuts == "AUTO"
-        row.prop(self, "max_stretch")
+        column = layout.column()
+        column.active = self.cuts == "AUTO"
+        column.prop(self, "prefer")
+        column.prop(self, "max_stretch")
         for name in ("texture_size", "padding", "boundary", "one_atlas"):
             layout.prop(self, name)
 
@@ -152,7 +162,8 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             return False
         sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
         options = engines.Options(
-            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower()
+            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower(),
+            self.prefer.lower(),
         )
         self._batch = engines.Batch(start, sheets, options)
         self._batch.step()

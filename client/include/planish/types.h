@@ -47,8 +47,8 @@ class MeshView {
   // Edges, by corners in the same way, along which no seam is added. Given seams part charts all the same.
   MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
-  // The polygon that each triangle comes from: a number for each, below triangle_count(). A polygon stays in one piece, so
-  // that each of its corners has one UV: no seam follows an edge between two of its triangles that run along it in
+  // The polygon that each triangle comes from: a number for each, below triangle_count(). A polygon stays in one piece,
+  // so that each of its corners has one UV: no seam follows an edge between two of its triangles that run along it in
   // opposite directions, whatever other triangles have that edge.
   MeshView WithFacePolygons(std::span<const std::int32_t> p) const { return With(&MeshView::face_polygon_, p); }
   // The atlas that each triangle goes into: a number for each, from 0 on. Charts end where it differs;
@@ -101,11 +101,15 @@ enum class Stage {
   kDownload
 };
 enum class Seams {
-  kNone,    // no edge is cut: the mesh must be a topological disc
-  kKeep,    // the given seams and no others: the pieces must be discs
+  kNone,  // no edge is cut: the mesh must be a topological disc
+  kKeep,  // the given seams; pieces with holes are slit where they have no other map (SEAMS_ADDED), closed ones refused
   kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders
             // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
+};
+enum class Prefer {
+  kSeams,    // few, short and hidden seams
+  kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
 };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
@@ -133,6 +137,7 @@ inline constexpr std::tuple kEnumNames = {
     EnumNames<Stage>{"unknown", "upload", "queue", "decode", "charts", "solve", "layout", "pack", "verify", "encode",
                      "download"},
     EnumNames<Seams>{"none", "keep", "needed", "auto"},
+    EnumNames<Prefer>{"seams", "texture"},
     EnumNames<Solver>{"auto", "uzawa", "minres", "direct"},
     EnumNames<System>{"auto", "full", "reduced"},
     EnumNames<Preconditioner>{"auto", "none", "jacobi", "cholesky", "amg"},
@@ -169,7 +174,9 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
+  Prefer prefer = Prefer::kTexture;  // with kAuto
+  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
+                                 // Prefer::kSeams
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
   int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
@@ -295,7 +302,10 @@ struct Quality {
   double conformal_distortion_mean = 1, conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
-  double seam_length = 0;  // of the seams on the surface, over the square root of its area
+  double seam_length = 0;               // of the seams on the surface, over the square root of its area
+  double visible_seam_length = 0;       // the same, each edge weighted by how much of its surroundings is open, 0 to 1
+  double seam_turn_deg = 0;             // mean angle by which seams turn from edge to edge; 0: straight
+  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty without mirror plane
 };
 
 // Wall-clock time of each stage: upload (encode, send, accept), download and total as this client saw them, the others

@@ -20,9 +20,11 @@ class UnwrapOptions:
     """What the caller asks for. Every field may be left out; None stands for the server's default."""
 
     #: ``"auto"``: the given seams, and as many more as keep the stretch below max_stretch. ``"needed"``: more only where a
-    #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams and no others. ``"none"``: the mesh is a disc.
+    #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams, and slits where a piece with holes has no other map. ``"none"``: the mesh is a disc.
     seams: str = "auto"
-    #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05.
+    #: What ``"auto"`` cuts for: ``"seams"``, few, short and hidden ones; or ``"texture"``, charts that pack well, more of them.
+    prefer: str = "texture"
+    #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05, and 1.25 for ``"seams"``.
     max_stretch: Optional[float] = None
     #: Edges whose faces' normals are further apart are given seams. Degrees, in (0, 180]; None: none.
     hard_edge_degrees: Optional[float] = None
@@ -184,7 +186,10 @@ class Quality:
     conformal_distortion_max: float = 1.0
     stretch_l2: float = 1.0
     packing_efficiency: float = 0.0
-    seam_length: float = 0.0
+    seam_length: float = 0.0  #: on the surface, over the square root of its area
+    visible_seam_length: float = 0.0  #: the same, each edge weighted by how much of its surroundings is open, 0 to 1
+    seam_turn_deg: float = 0.0  #: mean angle by which seams turn from edge to edge; 0: straight
+    seam_symmetry: Optional[float] = None  #: share of the seams whose mirror image is a seam; None without mirror plane
 
 
 @dataclass(frozen=True)
@@ -372,7 +377,8 @@ def _value(message: Any, descriptor: Any) -> Any:
     if descriptor.enum_type is not None:
         return enum_name(descriptor.enum_type, value)
     if descriptor.message_type is None:
-        return value
+        # An optional field that is not set.
+        return value if descriptor.containing_oneof is None or message.HasField(descriptor.name) else None
     name = descriptor.message_type.full_name
     if name == "google.protobuf.Duration":
         return value.seconds + 1e-9 * value.nanos

@@ -75,6 +75,8 @@ export interface MapData {
   polygon: Uint32Array; // of the file
   material: Int32Array; // -1: none
   outline: Uint32Array; // half-edges: corner c faces the edge
+  visibility: Uint8Array; // per triangle, 0 to 254: the share of its surroundings that is open
+  seams: Uint8Array; // of each half-edge of the outline, the same; 255: the surface ends there
 }
 
 export const STRETCH_RANGE = 4;
@@ -161,6 +163,8 @@ function decode(info: MapInfo, bytes: Uint8Array): MapData {
     polygon: running('polygon', new Uint32Array(n)),
     material: running('material', new Int32Array(n)),
     outline: running('outline', new Uint32Array(countVarints(section.outline!))),
+    visibility: section.visibility!,
+    seams: section.seams!,
   };
 }
 

@@ -249,6 +249,7 @@ function legend(mode: Mode, stretchTop: number, angleTop: number): string {
     return `<span>1</span><i class="viridis"></i><span>${(2 ** stretchTop).toFixed(2)}×</span>`;
   }
   if (mode === 'angle') return `<span>0°</span><i class="cividis"></i><span>${angleTop.toFixed(angleTop < 10 ? 1 : 0)}°</span>`;
+  if (mode === 'seams') return '<span>hidden</span><i class="seams"></i><span>in the open</span>';
   return '';
 }
 

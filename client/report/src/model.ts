@@ -2,7 +2,8 @@
 import * as THREE from 'three';
 import { FAULTS, type Finding, type MapData } from './data';
 import {
-  FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode, MODES,
+  FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, SEAM_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode,
+  MODES,
 } from './shaders';
 
 type Numbers = Uint8Array | Uint16Array | Uint32Array;
@@ -160,7 +161,7 @@ export class MapModel {
       this.faceValues[4 * f + 1] = data.angle[f]!;
       this.faceValues[4 * f + 2] = data.faults[f]!;
       groups[2 * f] = data.chart[f]!;
-      groups[2 * f + 1] = data.material[f]! + 1;
+      groups[2 * f + 1] = data.material[f]! + 1 + 2 ** 24 * data.visibility[f]!;
     }
     this.faceTexture = dataTexture(
       this.faceValues, 4, THREE.RGBAIntegerFormat, THREE.UnsignedByteType, 'RGBA8UI',
@@ -218,10 +219,11 @@ export class MapModel {
           uViewport: { value: new THREE.Vector2(1, 1) },
           uWidth: { value: 1.5 },
           uWidthInMap: { value: false },
+          uByVisibility: { value: false },
           uColor: { value: new THREE.Vector4(0, 0, 0, 1) },
         },
         vertexShader: LINE_VERTEX,
-        fragmentShader: LINE_FRAGMENT,
+        fragmentShader: SEAM_FRAGMENT,
         defines: isLayout ? { LAYOUT: '' } : {},
         side: THREE.DoubleSide,
         transparent: true,
@@ -244,15 +246,16 @@ export class MapModel {
   }
 
   private lineGeometry(): THREE.InstancedBufferGeometry {
-    const { outline, indices } = this.data;
-    const ends = new Uint32Array(2 * outline.length);
+    const { outline, indices, seams } = this.data;
+    const ends = new Uint32Array(3 * outline.length);
     outline.forEach((c, i) => {
       const first = c - (c % 3);
-      ends[2 * i] = indices[first + ((c + 1) % 3)]!;
-      ends[2 * i + 1] = indices[first + ((c + 2) % 3)]!;
+      ends[3 * i] = indices[first + ((c + 1) % 3)]!;
+      ends[3 * i + 1] = indices[first + ((c + 2) % 3)]!;
+      ends[3 * i + 2] = seams[i]!;
     });
     const geometry = new THREE.InstancedBufferGeometry();
-    const attribute = new THREE.InstancedBufferAttribute(ends, 2);
+    const attribute = new THREE.InstancedBufferAttribute(ends, 3);
     attribute.gpuType = THREE.IntType;
     geometry.setAttribute('ends', attribute);
     geometry.setDrawRange(0, 6);
@@ -264,6 +267,7 @@ export class MapModel {
     this.uniforms.uMode!.value = MODES.indexOf(mode);
     this.uniforms.uLight!.value = isDark ? 0.16 : 0.93;
     const isSeams = mode === 'seams';
+    for (const lines of [this.lines.surface, this.lines.outline]) lines.uniforms.uByVisibility!.value = isSeams;
     this.lines.surface.uniforms.uColor!.value.set(...(isSeams ? [0.84, 0.15, 0.35, 1] : [0.05, 0.05, 0.1, 0.55]));
     this.lines.surface.uniforms.uWidth!.value = isSeams ? 3.2 : 1.4;
     this.lines.outline.uniforms.uColor!.value.set(...(isSeams ? [0.84, 0.15, 0.35, 1] : isDark ? [0.02, 0.02, 0.05, 0.9] : [0.1, 0.1, 0.18, 0.9]));

@@ -24,7 +24,7 @@ in uvec4 aPlace;             // x, y, z, normal
 in uvec2 aUv;
 in uint aFace;               // that this vertex provokes
 uniform usampler2D tFace;    // stretch, angle, faults, marked
-uniform usampler2D tChart;   // chart, material + 1
+uniform usampler2D tChart;   // chart, material + 1 and visibility above 24 bits
 flat out int vFace;
 flat out uvec4 vValues;
 flat out uvec2 vGroup;
@@ -115,8 +115,8 @@ vec3 surfaceColor() {
   if (uMode == 1) return chartColor(vGroup.x);
   if (uMode == 2) return hasArea ? viridis(clamp(stretch / uStretchTop, 0.0, 1.0)) : vec3(0.85, 0.1, 0.5);
   if (uMode == 3) return cividis(clamp(180.0 * angle * angle / uAngleTop, 0.0, 1.0));
-  if (uMode == 4) return mix(vec3(0.62), chartColor(vGroup.x), 0.12);
-  return texelFetch(tMaterial, ivec2(int(vGroup.y), 0), 0).rgb;
+  if (uMode == 4) return mix(vec3(0.62), chartColor(vGroup.x), 0.12) * (0.3 + 0.9 * float(vGroup.y >> 24) / 254.0);
+  return texelFetch(tMaterial, ivec2(int(vGroup.y & 0xffffffu), 0), 0).rgb;
 }
 void main() {
   vec3 c = surfaceColor();
@@ -137,12 +137,14 @@ void main() {
 
 // A segment as a rectangle of a fixed width on the screen, or in the map.
 export const LINE_VERTEX = /* glsl */ `${FETCH}
-in uvec2 ends;               // places
+in uvec3 ends;               // places, and the seam's visibility; 255: no seam
+flat out uint vVisibility;
 uniform usampler2D tPlace, tUv;
 uniform vec2 uViewport;      // pixels
 uniform float uWidth;        // pixels; LAYOUT with uWidthInMap: of the map
 uniform bool uWidthInMap;
 void main() {
+  vVisibility = ends.z;
   int a = int(ends.x), b = int(ends.y);
 #ifdef LAYOUT
   vec4 p = projectionMatrix * modelViewMatrix * vec4(mapOf(texelFetch(tUv, texel(a), 0).xy), 0.0, 1.0);
@@ -183,6 +185,23 @@ precision highp float;
 uniform vec4 uColor;
 out vec4 color;
 void main() { color = uColor; }`;
+
+// The same; or hidden seams blue, those in the open red, and where the surface ends grey.
+export const SEAM_FRAGMENT = /* glsl */ `
+precision highp float;
+precision highp int;
+uniform vec4 uColor;
+uniform bool uByVisibility;
+flat in uint vVisibility;
+out vec4 color;
+void main() {
+  color = uColor;
+  if (!uByVisibility) return;
+  float t = float(vVisibility) / 254.0;
+  vec3 middle = vec3(0.96, 0.72, 0.10);
+  vec3 c = t < 0.5 ? mix(vec3(0.10, 0.42, 0.90), middle, 2.0 * t) : mix(middle, vec3(0.86, 0.08, 0.22), 2.0 * t - 1.0);
+  color = vVisibility == 255u ? vec4(0.25, 0.25, 0.30, 0.8) : vec4(c, 1.0);
+}`;
 
 // The tiles behind the layout, with a grid of texels where they are large enough to be seen.
 export const GRID_VERTEX = /* glsl */ `

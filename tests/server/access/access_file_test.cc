@@ -132,8 +132,8 @@ TEST(AccessFile, ErrorsNameFileLineAndKey) {
       {credential + "rights: [jobs]\n", "access.yaml:4: tenants.a.credentials[0]: expected exactly one of"},
       {credential + "user: 1\n        certificate: x\n", "access.yaml:4: tenants.a.credentials[0]: expected exactly"},
       {credential + "user: no-such-user-here\n", "tenants.a.credentials[0].user: this system has no user no-such"},
-      {credential + token + "rights: [fly]\n", "access.yaml:5: tenants.a.credentials[0].rights[0]: no such right: fly"},
-      {credential + token + "rights: []\n", "access.yaml:5: tenants.a.credentials[0].rights: there are none"},
+      {credential + token + "rights: [fly]\n", "access.yaml:5: tenants.a.credentials[0].rights[0]: unknown right: fly"},
+      {credential + token + "rights: []\n", "access.yaml:5: tenants.a.credentials[0].rights: the list is empty"},
       {credential + token + "expires: soon\n", "access.yaml:5: tenants.a.credentials[0].expires: expected a time"},
       {credential + token + "until: soon\n", "access.yaml:5: tenants.a.credentials[0].until: no such key"},
       {credential + "user: 1\n      - user: 1\n",
@@ -194,7 +194,7 @@ TEST_F(AccessSourceTest, WhatIsPreparedIsNotYetInForce) {
 TEST_F(AccessSourceTest, FilesThatOthersMayReadOrWrite) {
   EXPECT_THAT((*AccessSource::Open(Write(Full(), 0640)))->warnings(), IsEmpty());
   EXPECT_THAT((*AccessSource::Open(Write(Full(), 0644)))->warnings(), ElementsAre(HasSubstr("chmod o-r")));
-  EXPECT_THAT(std::string(AccessSource::Open(Write(Full(), 0602)).status().message()), HasSubstr("may change it"));
+  EXPECT_THAT(std::string(AccessSource::Open(Write(Full(), 0602)).status().message()), HasSubstr("can change it"));
 }
 
 TEST_F(AccessSourceTest, AFileThatIsNotThere) {

@@ -170,7 +170,7 @@ TEST_F(ConfigTest, MetricsForOtherMachinesAreWarnedOf) {
   for (const std::string address : {"0.0.0.0:9741", "[::]:9741", "10.1.2.3:9741"}) {
     const Said said = Run({"--check-config", "--metrics-listen=" + address});
     EXPECT_EQ(said.code, 0);
-    EXPECT_THAT(said.text, HasSubstr("--metrics-listen=" + address + " tells whoever connects")) << said.text;
+    EXPECT_THAT(said.text, HasSubstr("--metrics-listen=" + address + " shows the names of tenants")) << said.text;
   }
   EXPECT_EQ(Run({"--check-config", "--metrics-listen=127.0.0.1:9741"}).text, "ok\n");
 }
@@ -208,7 +208,7 @@ TEST_F(ConfigTest, CheckSaysOkOrAllThatIsWrong) {
     EXPECT_THAT(wrong.text,
                 HasSubstr("planishd: " + File() + ":1: quue: there is no such setting; did you mean queue?"));
     EXPECT_THAT(wrong.text, HasSubstr("planishd: " + File() + ":4: listen: nonsense"));
-    EXPECT_THAT(wrong.text, HasSubstr("planishd: " + File() + ":5: log-level: loud is none of debug, info"));
+    EXPECT_THAT(wrong.text, HasSubstr("planishd: " + File() + ":5: log-level: loud is not one of debug, info"));
   }
 }
 

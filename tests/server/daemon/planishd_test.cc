@@ -120,12 +120,12 @@ TEST_F(PlanishdTest, FlagsOfAFarmMakeSenseTogether) {
   const std::pair<std::vector<std::string>, std::string> wrong[] = {
       {{"--role=front"}, "--role needs --store"},
       {{"--blobs=/srv/blobs"}, "--blobs needs --store"},
-      {{"--store=postgresql://u@h/d", "--data-dir=/tmp/d"}, "--data-dir and --store exclude each other"},
+      {{"--store=postgresql://u@h/d", "--data-dir=/tmp/d"}, "--data-dir and --store cannot be combined"},
       {{"--store=postgresql://u:secret@h/d"}, "--store-password-file"},
       {{"--store=postgresql://u@h/d?password=secret"}, "--store-password-file"},
       {{"--store=host=h password=secret"}, "--store-password-file"},
       {{"--store=postgresql://u@h/d", "--blobs=s3:///x"}, "does not name a bucket"},
-      {{"--store=postgresql://u@h/d", "--blobs=blobs"}, "is none of postgresql, s3://BUCKET/PREFIX and /DIRECTORY"},
+      {{"--store=postgresql://u@h/d", "--blobs=blobs"}, "is not postgresql, s3://BUCKET/PREFIX or /DIRECTORY"},
   };
   for (const auto& [flags, message] : wrong) {
     Daemon refused(flags, false);

@@ -43,7 +43,7 @@ class JobFarmTest : public ::testing::Test {
     Server server;
     std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url_, 4, "", must_hear});
     database_ = database.get();
-    server.store = NewJobStore(std::move(database));
+    server.store = std::make_unique<JobStore>(std::move(database));
     server.manager = *JobManager::Open(options_, server.store.get(), &blobs_);
     return server;
   }
@@ -296,7 +296,7 @@ TEST_F(JobFarmTest, UvWaitForTheirStore) {
   FailingDatabase database(*OpenPostgresDatabase({url_, 4}), &fault);
   BlobCatalog blobs({.store = *SqlBlobStore::Make(&database)}, 1 << 20);
   Server server;
-  server.store = NewJobStore(*OpenPostgresDatabase({url_, 4}));
+  server.store = std::make_unique<JobStore>(*OpenPostgresDatabase({url_, 4}));
   server.manager = *JobManager::Open(options_, server.store.get(), &blobs);
   const std::string name = Create(&server, "mesh");
   const JobAssignment work = Take(&server);

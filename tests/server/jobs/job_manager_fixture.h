@@ -89,7 +89,7 @@ class JobManagerTest : public ::testing::Test {
   std::unique_ptr<JobStore> OpenStore(std::unique_ptr<SqlDatabase> database) {
     JobStoreOptions options;
     options.clock = [this] { return now_; };
-    return NewJobStore(std::move(database), options);
+    return std::make_unique<JobStore>(std::move(database), options);
   }
 
   // A new server on the stores of the last one, which died.

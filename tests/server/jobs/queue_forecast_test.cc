@@ -16,7 +16,7 @@ class QueueForecastTest : public ::testing::Test {
   QueueForecastTest() {
     JobStoreOptions options;
     options.clock = [this] { return now_; };
-    store_ = NewJobStore(*OpenSqliteDatabase(":memory:"), options);
+    store_ = std::make_unique<JobStore>(*OpenSqliteDatabase(":memory:"), options);
   }
 
   // The tenant is the first letter.

@@ -254,8 +254,8 @@ TEST(WorkerPool, WorkerThatDoesNotGetReadyIsNotUsed) {
         options);
     jobs.WaitForAll();
   }
-  EXPECT_THAT(errors,
-              ElementsAre(HasSubstr("did not get ready"), HasSubstr("ended as soon as"), HasSubstr("out of turn")));
+  EXPECT_THAT(errors, ElementsAre(HasSubstr("did not become ready"), HasSubstr("ended right after"),
+                                  HasSubstr("before it was idle")));
   EXPECT_EQ(jobs.fate(0).uv, "uv");
 }
 
@@ -427,7 +427,7 @@ TEST(WorkerPool, WorkersThatBreakTheProtocolAreReplaced) {
                           ends.Options());
     jobs.WaitForAll();
   }
-  EXPECT_THAT(jobs.fate(0).loss->message, HasSubstr("idle in the middle"));
+  EXPECT_THAT(jobs.fate(0).loss->message, HasSubstr("idle during a job"));
   EXPECT_EQ(jobs.fate(0).loss->reason, "INTERNAL");
   EXPECT_THAT(jobs.fate(1).loss->message, HasSubstr("more triangles"));
   EXPECT_TRUE(jobs.fate(2).has_result);

@@ -84,7 +84,7 @@ class Reader {
 RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options,
                              double progress_per_second, std::unique_ptr<CallerSource> callers)
     : uploads_(std::move(upload_options), &blobs_),
-      store_(NewJobStore(std::make_unique<FailingDatabase>(*OpenSqliteDatabase(":memory:"), &fault_))),
+      store_(std::make_unique<JobStore>(std::make_unique<FailingDatabase>(*OpenSqliteDatabase(":memory:"), &fault_))),
       manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
       pool_(std::make_unique<WorkerPool>(manager_->source(), ScriptedWorkers(std::move(script)),
                                          Workers(options.workers))),

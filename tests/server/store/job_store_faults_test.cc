@@ -330,7 +330,7 @@ class PostgresTest : public ::testing::Test {};
 TEST_F(PostgresTest, IsFoundAgainAfterItCrashed) {
   PostgresServer server;
   const std::string url = server.NewDatabase();
-  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  const std::unique_ptr<JobStore> store = std::make_unique<JobStore>(*OpenPostgresDatabase({url, 2}));
   NewJob job;
   job.record.mutable_job()->set_name("jobs/1");
   job.record.mutable_job()->set_tenant("ann");
@@ -391,7 +391,7 @@ TEST_F(PostgresTest, IsReachedByTlsWithAPassword) {
       (*(*database)->Connect(SqlDatabase::Use::kRead))
           ->Run("SELECT CAST(CAST(ssl AS INT) AS BIGINT) FROM pg_stat_ssl WHERE pid = pg_backend_pid()", {});
   EXPECT_EQ(rows->Int(0, 0), 1);
-  RunAJob(NewJobStore(*OpenPostgresDatabase({trusted, 2, "secret"})).get(), 1);
+  RunAJob(std::make_unique<JobStore>(*OpenPostgresDatabase({trusted, 2, "secret"})).get(), 1);
 
   const auto reason = [](const PostgresOptions& options) {
     const absl::Status status = OpenPostgresDatabase(options).status();
@@ -406,7 +406,7 @@ TEST_F(PostgresTest, IsReachedByTlsWithAPassword) {
 TEST_F(PostgresTest, ServersOfTheNextVersionMigrateWhileThoseOfThisOneRun) {
   PostgresServer server;
   const std::string url = server.NewDatabase();
-  const std::unique_ptr<JobStore> running = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  const std::unique_ptr<JobStore> running = std::make_unique<JobStore>(*OpenPostgresDatabase({url, 2}));
   RunAJob(running.get(), 1);
 
   const std::unique_ptr<SqlDatabase> next = *OpenPostgresDatabase({url, 2});
@@ -423,7 +423,7 @@ TEST_F(PostgresTest, ServersOfTheNextVersionMigrateWhileThoseOfThisOneRun) {
   run("UPDATE meta SET version = version + 1");
   const std::int64_t version = run("SELECT version FROM meta");
   RunAJob(running.get(), 2);
-  const std::unique_ptr<JobStore> started = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  const std::unique_ptr<JobStore> started = std::make_unique<JobStore>(*OpenPostgresDatabase({url, 2}));
   RunAJob(started.get(), 3);
   EXPECT_EQ(run("SELECT version FROM meta"), version) << "a server of the older version takes nothing back";
 
@@ -498,7 +498,7 @@ TEST_F(PostgresTest, AClaimGivesUpWhenItsTurnDoesNotCome) {
   PostgresServer server;
   const std::string url = server.NewDatabase();
   const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, kTurns});
-  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
+  const std::unique_ptr<JobStore> store = std::make_unique<JobStore>(*OpenPostgresDatabase({url, 1}));
   ASSERT_TRUE(store->Accept({}, JobNumber(1)).ok());
   const std::vector<SqlDatabase::Lease> others = TakeAllTurns(database.get());
   ClaimWait wait;
@@ -516,7 +516,7 @@ TEST_F(PostgresTest, WorkIsReadWithJobsThatJoinedItBeforeItWasLocked) {
   PostgresServer server;
   const std::string url = server.NewDatabase();
   const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, 3});
-  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
+  const std::unique_ptr<JobStore> store = std::make_unique<JobStore>(*OpenPostgresDatabase({url, 1}));
   const auto accept = [&store](std::int64_t number) {
     NewJob job = JobNumber(number);
     job.record.set_work_key("the same");

@@ -49,7 +49,7 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
   std::unique_ptr<JobStore> Open() {
     JobStoreOptions options;
     options.clock = [this] { return now_; };
-    return NewJobStore(std::make_unique<FailingDatabase>(OpenDatabase(), &fault_), options);
+    return std::make_unique<JobStore>(std::make_unique<FailingDatabase>(OpenDatabase(), &fault_), options);
   }
 
   // Another process's view of the same data; the same object where there can be only one.

@@ -447,7 +447,7 @@ TEST_F(WorkerProcess, LastWordsOfWorkersThatHangAtTheStart) {
   StartPool();
   StopPool();
   ASSERT_EQ(said.size(), 1u);
-  EXPECT_THAT(said[0], ::testing::AllOf(HasSubstr("did not get ready"), HasSubstr("I wait")));
+  EXPECT_THAT(said[0], ::testing::AllOf(HasSubstr("did not become ready"), HasSubstr("I wait")));
 }
 
 TEST_F(WorkerProcess, SpeaksWhereItIsTold) {

@@ -1,0 +1,146 @@
+// planish transfer: the images of one file in the map of another.
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "client/cli/commands.h"
+#include "client/cli/mesh_input.h"
+#include "client/cli/results.h"
+#include "client/cli/text.h"
+#include "core/base/timer.h"
+
+namespace planish::cli {
+namespace {
+
+// Places of corners, rounded to float: the same number in an OBJ and in a glTF.
+using Place = std::array<std::uint32_t, 3>;
+using PlacesOfFace = std::array<Place, 3>;
+
+struct HashOfPlaces {
+  std::size_t operator()(const PlacesOfFace& places) const {
+    std::uint64_t hash = 0;
+    for (const Place& place : places) {
+      for (const std::uint32_t x : place) hash = (std::rotl(hash, 23) ^ x) * 0x9E3779B97F4A7C15;
+    }
+    return static_cast<std::size_t>(hash ^ hash >> 32);
+  }
+};
+
+// The corners of a face from the one with the least place on, and which one that is.
+std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) {
+  PlacesOfFace places;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3& p = mesh.positions[static_cast<std::size_t>(face[k])];
+    // Adding zero turns -0 into 0.
+    for (int axis = 0; axis < 3; ++axis) {
+      places[k][static_cast<std::size_t>(axis)] = std::bit_cast<std::uint32_t>(static_cast<float>(p[axis]) + 0.0F);
+    }
+  }
+  const auto least = std::min_element(places.begin(), places.end());
+  const int first = static_cast<int>(least - places.begin());
+  std::rotate(places.begin(), least, places.end());
+  return {places, first};
+}
+
+// For each corner of `to`'s faces the UV that `from` has there, 6 numbers a face. Faces that are there several times
+// are paired in their order. Throws SURFACES_DIFFER.
+std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from) {
+  struct Faces {
+    std::vector<std::size_t> list;
+    std::size_t next = 0;
+  };
+  std::unordered_map<PlacesOfFace, Faces, HashOfPlaces> faces;
+  const Mesh& source = from.mesh();
+  for (std::size_t f = 0; f < source.faces.size(); ++f)
+    faces[FromLeastPlace(source, source.faces[f]).first].list.push_back(f);
+  const std::vector<double> uv = from.CornerUv();
+  const Mesh& mesh = to.mesh();
+  std::vector<double> result(6 * mesh.faces.size());
+  std::int64_t missing = 0;
+  std::int64_t first_missing = -1;
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const auto [places, first] = FromLeastPlace(mesh, mesh.faces[f]);
+    const auto found = faces.find(places);
+    if (found == faces.end() || found->second.list.empty()) {
+      if (missing++ == 0) first_missing = static_cast<std::int64_t>(f);
+      continue;
+    }
+    Faces& alike = found->second;
+    const std::size_t other = alike.list[std::min(alike.next++, alike.list.size() - 1)];
+    const int first_there = FromLeastPlace(source, source.faces[other]).second;
+    for (int k = 0; k < 3; ++k) {
+      const auto here = 6 * f + 2 * static_cast<std::size_t>((first + k) % 3);
+      const auto there = 6 * other + 2 * static_cast<std::size_t>((first_there + k) % 3);
+      result[here] = uv[there];
+      result[here + 1] = uv[there + 1];
+    }
+  }
+  if (missing > 0) {
+    throw Error(ErrorCode::kInvalidArgument, "SURFACES_DIFFER",
+                Counted(missing, "triangle", "triangles") + " of " + to.path() + " " + (missing == 1 ? "is" : "are") +
+                    " not in " + from.path() + ", the first of " + to.Place("face", to.PolygonOf(first_missing)) +
+                    ": both files must have the same triangles, in any order",
+                {{"count", std::to_string(missing)}});
+  }
+  return result;
+}
+
+int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.input}, 0);
+  const MeshInput to(arguments.more_inputs, arguments.texcoord);
+  if (to.CornerTexcoords().empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are what it is read for");
+  }
+  const std::vector<OutputOptions> outputs =
+      from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
+  const std::vector<double> numbers = UvOfTheSameFaces(from, to);
+  const bool is_float = IsFloatByNature(outputs.front().format);
+  const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
+  std::vector<OutputOptions> sized =
+      from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
+  if (arguments.verbose) {
+    sized.front().textures.on_image = [](const std::string& image) {
+      std::cerr << "Moving image " + Printable(image, true) + "\n";
+    };
+  }
+  const WrittenMesh written = from.WithUv(uv, sized);
+  interrupts.SetCancel([] {});  // all files or none
+  for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+  interrupts.SetCancel({});
+  interrupts.LeaveIfInterrupted();
+  if (!arguments.quiet) {
+    for (const OutputWarning& warning : written.warnings) {
+      std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
+    }
+    std::cerr << Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
+                     Printable(from.path(), true) + " have the UV of " + Printable(to.path(), true) + " in " +
+                     Printable(arguments.output, true) + ", " +
+                     Counted(static_cast<std::int64_t>(written.files.size()), "file", "files") + " written.\n";
+  }
+  if (arguments.json) {
+    Json json = {{"triangles", from.mesh().faces.size()}, {"seconds", {{"total", timer.Seconds()}}}};
+    json["files"] = Json::array();
+    for (const OutputFile& file : written.files) json["files"].push_back(file.path);
+    json["warnings"] = Json::array();
+    for (const OutputWarning& warning : written.warnings) {
+      json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
+    }
+    std::cout << ToText(json) << std::flush;
+  }
+  return kOk;
+}
+
+}  // namespace
+
+int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
+  return TransferFile(arguments, interrupts, Timer());
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,21 @@
+// Attributes of vertices as numbers, from accessors or from Draco. Used inside client/files only.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/files/gltf_mesh.h"
+
+namespace planish {
+
+// `components` numbers for each vertex of the primitive's pool; empty if the primitive has no such attribute, or one
+// with fewer components.
+absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, const GltfPrimitive& primitive,
+                                                       const std::string& name, std::size_t components);
+
+// The normals at the corners of the primitive's triangles, three numbers each: those of the vertices, or of the flat
+// triangles where there are none, as glTF asks for. Sets *are_given.
+absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive, bool* are_given);
+
+}  // namespace planish

@@ -1,0 +1,556 @@
+#include "client/files/gltf_textures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include "client/files/file_io.h"
+#include "client/files/gltf_attribute.h"
+#include "client/texture/tangents.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+constexpr char kTransform[] = "KHR_texture_transform";
+constexpr char kVariants[] = "KHR_materials_variants";
+constexpr int kNearestFilter = 9728;
+constexpr int kClampToEdge = 33071;
+constexpr int kMirroredRepeat = 33648;
+
+std::int64_t IntAt(const Json& object, const char* key, std::int64_t otherwise) {
+  const auto found = object.find(key);
+  return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
+}
+
+// An element of the root's array `key`, or null.
+const Json* ElementOf(const Json& root, const char* key, std::int64_t index) {
+  const auto array = root.find(key);
+  if (array == root.end() || !array->is_array() || index < 0 || index >= static_cast<std::int64_t>(array->size())) {
+    return nullptr;
+  }
+  return &(*array)[static_cast<std::size_t>(index)];
+}
+
+TextureWrap WrapOf(const Json* sampler, const char* key) {
+  const std::int64_t wrap = sampler == nullptr ? 0 : IntAt(*sampler, key, 0);
+  if (wrap == kClampToEdge) return TextureWrap::kClamp;
+  return wrap == kMirroredRepeat ? TextureWrap::kMirror : TextureWrap::kRepeat;
+}
+
+const Json* SamplerOf(const Json& root, std::int64_t texture) {
+  const Json* const json = ElementOf(root, "textures", texture);
+  return json == nullptr ? nullptr : ElementOf(root, "samplers", IntAt(*json, "sampler", -1));
+}
+
+// Whether an animation moves the transformation of a texture: then its UV are not in the file.
+bool HasAnimatedTransform(const Json& value, const std::string& material) {
+  if (value.is_string()) {
+    const std::string& text = value.get_ref<const std::string&>();
+    return text.starts_with(material) && text.find(kTransform) != std::string::npos;
+  }
+  if (!value.is_structured()) return false;
+  return std::any_of(value.begin(), value.end(),
+                     [&](const Json& child) { return HasAnimatedTransform(child, material); });
+}
+
+bool IsDirection(const GltfTextureUse& use) {
+  return use.meaning == TextureMeaning::kNormal || use.meaning == TextureMeaning::kDirection;
+}
+
+// The extensions of a document without one that nothing uses any more.
+void ForgetExtension(Json* root, const char* name) {
+  const auto is_used = [name](const auto& self, const Json& value) -> bool {
+    if (!value.is_structured()) return false;
+    for (const auto& [key, child] : value.items()) {
+      if (key == name || self(self, child)) return true;
+    }
+    return false;
+  };
+  if (is_used(is_used, *root)) return;
+  for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+    const auto names = root->find(list);
+    if (names == root->end() || !names->is_array()) continue;
+    Json left = Json::array();
+    for (const Json& each : *names) {
+      if (each != name) left.push_back(each);
+    }
+    if (left.empty()) {
+      root->erase(list);
+    } else {
+      *names = std::move(left);
+    }
+  }
+}
+
+}  // namespace
+
+bool ReadsTexcoord(const GltfMesh& gltf, int texcoord) {
+  const std::string name = "TEXCOORD_" + std::to_string(texcoord);
+  for (const GltfPrimitive& primitive : gltf.primitives) {
+    const Json& json = PrimitiveJson(gltf.document.json, primitive);
+    if (!json["attributes"].contains(name)) continue;
+    for (const GltfTextureUse& use : TextureUses(gltf.document.json, IntAt(json, "material", -1))) {
+      if (use.texcoord == texcoord) return true;
+    }
+  }
+  return false;
+}
+
+int FreeTexcoord(const GltfMesh& gltf) {
+  int free = 0;
+  for (const GltfPrimitive& primitive : gltf.primitives) {
+    const Json& attributes = PrimitiveJson(gltf.document.json, primitive)["attributes"];
+    while (free < 7 && attributes.contains("TEXCOORD_" + std::to_string(free))) ++free;
+  }
+  return free;
+}
+
+GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
+    : gltf_(gltf), options_(options), root_(gltf.document.json), needs_tangents_(gltf.primitives.size(), false) {
+  const auto materials = root_.find("materials");
+  const std::int64_t count = materials == root_.end() ? 0 : static_cast<std::int64_t>(materials->size());
+  const std::string uv_name = "TEXCOORD_" + std::to_string(options.texcoord);
+  const std::vector<std::int32_t>& atlas_of = options.textures.polygon_atlas;
+  for (std::int64_t m = 0; m < count; ++m) {
+    std::vector<GltfTextureUse> uses = TextureUses(root_, m);
+    // Those that are read with other sets of UV still fit.
+    std::erase_if(uses, [&](const GltfTextureUse& use) {
+      return use.texcoord != options.texcoord || TextureSources(root_, use.texture).empty();
+    });
+    if (uses.empty()) continue;
+    const std::vector<Place> places = PlacesOf(m);
+    std::map<std::int32_t, Group> by_atlas;
+    bool had_uv = false;
+    bool has_others = false;
+    for (const Place& place : places) {
+      has_others |= !place.triangles;
+      if (!place.triangles) continue;
+      const GltfPrimitive& primitive = gltf.primitives[*place.triangles];
+      had_uv |= PrimitiveJson(root_, primitive)["attributes"].contains(uv_name);
+      const std::int32_t atlas = atlas_of.empty() || primitive.num_polygons == 0
+                                     ? 0
+                                     : atlas_of[static_cast<std::size_t>(primitive.first_polygon)];
+      Group& group = by_atlas[atlas];
+      group.material = m;
+      group.atlas = atlas;
+      group.uses = uses;
+      group.places.push_back(place);
+      if (std::find(group.primitives.begin(), group.primitives.end(), *place.triangles) == group.primitives.end()) {
+        group.primitives.push_back(*place.triangles);
+      }
+    }
+    if (!had_uv) continue;
+    for (auto& [atlas, group] : by_atlas) {
+      for (const std::size_t primitive : group.primitives) {
+        needs_tangents_[primitive] = needs_tangents_[primitive] || std::any_of(uses.begin(), uses.end(), IsDirection);
+      }
+      is_shared_.push_back(has_others || atlas != by_atlas.begin()->first);
+      groups_.push_back(std::move(group));
+    }
+  }
+}
+
+std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) const {
+  std::map<std::pair<std::size_t, std::size_t>, std::size_t> triangles;
+  for (std::size_t i = 0; i < gltf_.primitives.size(); ++i) {
+    triangles[{gltf_.primitives[i].mesh, gltf_.primitives[i].primitive}] = i;
+  }
+  std::vector<Place> places;
+  const Json& meshes = root_["meshes"];
+  for (std::size_t m = 0; m < meshes.size(); ++m) {
+    const Json& primitives = meshes[m]["primitives"];
+    for (std::size_t p = 0; p < primitives.size(); ++p) {
+      Place place = {m, p, std::nullopt, std::nullopt};
+      if (const auto found = triangles.find({m, p}); found != triangles.end()) place.triangles = found->second;
+      if (IntAt(primitives[p], "material", -1) == material) places.push_back(place);
+      const Json* const extensions = GltfObject(primitives[p], "extensions");
+      const Json* const variants = extensions == nullptr ? nullptr : GltfObject(*extensions, kVariants);
+      if (variants == nullptr || !variants->contains("mappings") || !(*variants)["mappings"].is_array()) continue;
+      const Json& mappings = (*variants)["mappings"];
+      for (std::size_t i = 0; i < mappings.size(); ++i) {
+        if (!mappings[i].is_object() || IntAt(mappings[i], "material", -1) != material) continue;
+        place.mapping = i;
+        places.push_back(place);
+      }
+    }
+  }
+  return places;
+}
+
+absl::StatusOr<std::string> GltfTextures::ImageBytes(std::int64_t image) const {
+  const Json* const json = ElementOf(root_, "images", image);
+  const std::string element = "images[" + std::to_string(image) + "]";
+  if (json == nullptr || !json->is_object()) return GltfFault(gltf_.document, element, "there is no such image");
+  if (const auto view = json->find("bufferView"); view != json->end()) {
+    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(gltf_.document, *view, element + ".bufferView"));
+    return std::string(bytes);
+  }
+  const auto uri = json->find("uri");
+  if (uri == json->end() || !uri->is_string()) return GltfFault(gltf_.document, element, "neither uri nor bufferView");
+  const std::string& text = uri->get_ref<const std::string&>();
+  if (IsDataUri(text)) return LoadGltfUri(gltf_.document, element, text, 0);
+  PLANISH_ASSIGN_OR_RETURN(const std::string name, FileOfUri(gltf_.document, element, text));
+  return ReadImageFile(gltf_.document.path, name, options_.textures.allow_outside);
+}
+
+absl::Status GltfTextures::Check() const {
+  std::set<std::int64_t> seen;
+  for (const Group& group : groups_) {
+    const std::string pointer = "/materials/" + std::to_string(group.material) + "/";
+    if (root_.contains("animations") && HasAnimatedTransform(root_["animations"], pointer)) {
+      return MakeError(
+          absl::StatusCode::kInvalidArgument, "TEXTURE_ANIMATED",
+          options_.path + ": an animation moves the textures of material " +
+              GltfName(root_["materials"][static_cast<std::size_t>(group.material)], "material", group.material) +
+              ", so they cannot become part of an atlas; --textures=keep leaves them as they are");
+    }
+    for (const GltfTextureUse& use : group.uses) {
+      for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
+        if (!seen.insert(source.image).second) continue;
+        const std::string name = gltf_.document.path + ": " + GltfImageName(root_, source.image);
+        const absl::StatusOr<std::string> bytes = ImageBytes(source.image);
+        if (!bytes.ok()) return WithTextureAdvice(bytes.status());
+        const absl::StatusOr<ImageHeader> header = ReadImageHeader(*bytes, name);
+        if (!header.ok()) return WithTextureAdvice(header.status());
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+std::size_t GltfTextures::FindReading(const Group& group, const GltfTextureUse& use, std::int64_t image) {
+  const Json* const sampler = SamplerOf(root_, use.texture);
+  TextureBake bake;
+  bake.name = gltf_.document.path + ": " + GltfImageName(root_, image);
+  bake.wrap_u = WrapOf(sampler, "wrapS");
+  bake.wrap_v = WrapOf(sampler, "wrapT");
+  bake.nearest = sampler != nullptr && IntAt(*sampler, "magFilter", 0) == kNearestFilter;
+  bake.options = {use.meaning, use.has_alpha, use.normal_scale};
+  const Json key = {image,       group.atlas,  use.texcoord, use.transform,    bake.wrap_u,
+                    bake.wrap_v, bake.nearest, use.meaning,  use.normal_scale, bake.options.premultiplied};
+  const auto [found, is_new] = reading_of_key_.emplace(key.dump(), readings_.size());
+  if (is_new) readings_.push_back({image, group.atlas, key.dump(), use, std::move(bake), {}, -1});
+  Reading& reading = readings_[found->second];
+  for (const std::size_t primitive : group.primitives) {
+    const auto at = std::lower_bound(reading.primitives.begin(), reading.primitives.end(), primitive);
+    if (at == reading.primitives.end() || *at != primitive) reading.primitives.insert(at, primitive);
+  }
+  return found->second;
+}
+
+std::size_t GltfTextures::FindTexture(const Group& group, const GltfTextureUse& use) {
+  NewTexture texture;
+  texture.old = use.texture;
+  for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
+    texture.readings.push_back(FindReading(group, use, source.image));
+  }
+  const Json key = {texture.old, texture.readings};
+  const auto [found, is_new] = texture_of_key_.emplace(key.dump(), textures_.size());
+  if (is_new) textures_.push_back(texture);
+  return found->second;
+}
+
+// The triangles of a reading in both maps, with what its image needs to know of them.
+absl::Status GltfTextures::FillTriangles(const std::vector<double>& uv,
+                                         const std::vector<std::array<float, 4>>& tangents, Reading* reading) const {
+  const GltfTextureUse& use = reading->use;
+  TextureBake& bake = reading->bake;
+  for (const std::size_t p : reading->primitives) {
+    const GltfPrimitive& primitive = gltf_.primitives[p];
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions, ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
+    std::vector<float> old;
+    if (use.texcoord >= 0) {
+      PLANISH_ASSIGN_OR_RETURN(old,
+                               ReadVertexAttribute(gltf_, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
+    }
+    const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
+    const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
+    const std::array<double, 6>& m = use.transform;
+    Vec2 low(HUGE_VAL, HUGE_VAL), high(-HUGE_VAL, -HUGE_VAL);
+    std::vector<Vec2> from(count);
+    for (std::size_t c = 0; c < count; ++c) {
+      const auto v = static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
+      const Vec2 raw = old.empty() ? Vec2(0, 0) : Vec2(old[2 * v], old[2 * v + 1]);
+      from[c] = Vec2(m[0] * raw.x() + m[1] * raw.y() + m[2], m[3] * raw.x() + m[4] * raw.y() + m[5]);
+      const Vec2 to(uv[2 * (first + c)], uv[2 * (first + c) + 1]);
+      low = low.cwiseMin(to);
+      high = high.cwiseMax(to);
+    }
+    // Charts lie within a tile.
+    const Vec2 tile(std::floor(0.5 * (low.x() + high.x())), std::floor(0.5 * (low.y() + high.y())));
+    if (count > 0 && (low - tile).minCoeff() < -0.01) low = tile;
+    if (count > 0 && (high - tile).maxCoeff() > 1.01) {
+      return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
+                       options_.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
+                           std::to_string(primitive.primitive) +
+                           "] lies in several tiles, and a material has one image for all of it; use --tiles=1, or "
+                           "--textures=keep");
+    }
+    for (std::size_t c = 0; c < count; c += 3) {
+      TextureTriangle triangle;
+      Vec3 p3[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        triangle.from[k] = from[c + k];
+        triangle.to[k] = Vec2(uv[2 * (first + c + k)], uv[2 * (first + c + k) + 1]) - tile;
+        const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c + k]);
+        p3[k] = Vec3(positions[v], positions[v + 1], positions[v + 2]);
+      }
+      const Vec3 a = p3[1] - p3[0], b = p3[2] - p3[0];
+      bake.areas.push_back(std::sqrt(std::max(0.0, a.squaredNorm() * b.squaredNorm() - a.dot(b) * a.dot(b))) / 2);
+      bake.triangles.push_back(triangle);
+    }
+    if (!IsDirection(use) || tangents.empty()) continue;
+
+    bool normals_are_given = false;
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, CornerNormals(gltf_, primitive, &normals_are_given));
+    std::vector<float> given;
+    if (normals_are_given) {
+      PLANISH_ASSIGN_OR_RETURN(given, ReadVertexAttribute(gltf_, primitive, "TANGENT", 4));
+    }
+    std::vector<std::array<float, 4>> before(count);
+    if (given.empty()) {
+      TangentCorners corners;
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
+        corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
+        corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
+        corners.uv.push_back({static_cast<float>(from[c].x()), static_cast<float>(1 - from[c].y())});
+      }
+      before = ComputeTangents(corners);
+    } else {
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto v = 4 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
+        before[c] = {given[v], given[v + 1], given[v + 2], given[v + 3]};
+      }
+    }
+    for (std::size_t c = 0; c < count; ++c) {
+      bake.frames.push_back({{normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]}, before[c], tangents[first + c]});
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<double> GltfTextures::EstimateSide(double total_area) {
+  constexpr double kFilled = 2.0 / 3;
+  double side = 0;
+  for (const Group& group : groups_) {
+    for (const GltfTextureUse& use : group.uses) FindTexture(group, use);
+  }
+  for (Reading& reading : readings_) {
+    PLANISH_ASSIGN_OR_RETURN(const std::string bytes, ImageBytes(reading.image));
+    PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, reading.bake.name));
+    const std::vector<double> anywhere(2 * gltf_.corner_vertex.size(), 0);
+    PLANISH_RETURN_IF_ERROR(FillTriangles(anywhere, {}, &reading));
+    // In the new map each triangle takes its share of the area.
+    for (std::size_t t = 0; t < reading.bake.triangles.size(); ++t) {
+      const double leg = std::sqrt(2 * kFilled * reading.bake.areas[t] / total_area);
+      reading.bake.triangles[t].to = {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)};
+    }
+    if (header.texels() > 1) {
+      side = std::max(side, TextureSideOf(reading.bake.triangles, reading.bake.areas, header.width, header.height));
+    }
+    side = std::max(side, 1.0);
+    reading.bake = TextureBake();
+  }
+  return side;
+}
+
+// Points materials, and clones of them, to numbers of textures_.
+void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnings) {
+  std::map<std::int64_t, int> clones;
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    Group& group = groups_[g];
+    std::int64_t index = group.material;
+    if (is_shared_[g]) {
+      const Json copy = root_["materials"][static_cast<std::size_t>(group.material)];
+      index = static_cast<std::int64_t>((*json)["materials"].size());
+      (*json)["materials"].push_back(copy);
+      if (copy.contains("name") && copy["name"].is_string()) {
+        (*json)["materials"].back()["name"] =
+            copy["name"].get<std::string>() + "_" + std::to_string(2 + clones[group.material]);
+      }
+      ++clones[group.material];
+      for (const Place& place : group.places) {
+        Json& primitive = (*json)["meshes"][place.mesh]["primitives"][place.primitive];
+        Json& holder = place.mapping ? primitive["extensions"][kVariants]["mappings"][*place.mapping] : primitive;
+        holder["material"] = index;
+      }
+    }
+    Json& material = (*json)["materials"][static_cast<std::size_t>(index)];
+    for (std::size_t u = 0; u < group.uses.size(); ++u) {
+      Json& info = material[group.uses[u].at];
+      info["index"] = textures_[texture_of_use_[g][u]].slot;
+      if (options_.texcoord == 0) {
+        info.erase("texCoord");
+      } else {
+        info["texCoord"] = options_.texcoord;
+      }
+      if (!info.contains("extensions") || !info["extensions"].is_object()) continue;
+      info["extensions"].erase(kTransform);
+      if (info["extensions"].empty()) info.erase("extensions");
+    }
+  }
+  for (const auto& [material, count] : clones) {
+    warnings->push_back(
+        {"MATERIAL_CLONED", "material " +
+                                GltfName(root_["materials"][static_cast<std::size_t>(material)], "material", material) +
+                                " is there " + std::to_string(count) + (count == 1 ? " more time" : " more times") +
+                                ", as it is used in several atlases, or by lines and points"});
+  }
+}
+
+void GltfTextures::WriteTextures(Json* json) {
+  // Old textures and images that some material or texture still reads.
+  std::vector<bool> keeps_texture(root_["textures"].size(), false), keeps_image(root_["images"].size(), false);
+  std::map<std::int64_t, std::set<std::string>> moved;  // by material
+  std::set<std::int64_t> left;                          // groups that are clones leave the material itself as it is
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    if (is_shared_[g]) continue;
+    for (const GltfTextureUse& use : groups_[g].uses) moved[groups_[g].material].insert(use.at.to_string());
+  }
+  for (std::int64_t m = 0; m < static_cast<std::int64_t>(root_["materials"].size()); ++m) {
+    for (const GltfTextureUse& use : TextureUses(root_, m)) {
+      const bool stays = !moved.contains(m) || !moved[m].contains(use.at.to_string());
+      if (stays && use.texture >= 0 && use.texture < static_cast<std::int64_t>(keeps_texture.size())) {
+        keeps_texture[static_cast<std::size_t>(use.texture)] = true;
+      }
+    }
+  }
+  std::vector<bool> is_moved(keeps_texture.size(), false);
+  for (const NewTexture& texture : textures_) is_moved[static_cast<std::size_t>(texture.old)] = true;
+  std::vector<bool> was_read(keeps_image.size(), false);
+  for (std::size_t t = 0; t < keeps_texture.size(); ++t) {
+    for (const GltfTextureSource& source : TextureSources(root_, static_cast<std::int64_t>(t))) {
+      if (source.image >= static_cast<std::int64_t>(keeps_image.size())) continue;
+      if (keeps_texture[t] || !is_moved[t]) keeps_image[static_cast<std::size_t>(source.image)] = true;
+    }
+  }
+  // New ones in the places of old ones; their own first.
+  for (Reading& reading : readings_) {
+    auto place = static_cast<std::size_t>(reading.image);
+    if (keeps_image[place]) {
+      place = (*json)["images"].size();
+      (*json)["images"].push_back(root_["images"][static_cast<std::size_t>(reading.image)]);
+      keeps_image.push_back(true);
+    }
+    keeps_image[place] = true;
+    reading.slot = static_cast<std::int64_t>(place);
+  }
+  for (NewTexture& texture : textures_) {
+    auto place = static_cast<std::size_t>(texture.old);
+    if (keeps_texture[place]) {
+      place = (*json)["textures"].size();
+      (*json)["textures"].push_back(root_["textures"][static_cast<std::size_t>(texture.old)]);
+      keeps_texture.push_back(true);
+    }
+    keeps_texture[place] = true;
+    texture.slot = static_cast<std::int64_t>(place);
+    Json& out = (*json)["textures"][place];
+    const std::vector<GltfTextureSource> sources = TextureSources(root_, texture.old);
+    for (std::size_t s = 0; s < sources.size(); ++s) {
+      Json& holder = sources[s].extension.empty() ? out : out["extensions"][sources[s].extension];
+      holder["source"] = readings_[texture.readings[s]].slot;
+    }
+    // Charts in other tiles read the image by repeating it.
+    const Json* const sampler = SamplerOf(root_, texture.old);
+    const bool repeats =
+        WrapOf(sampler, "wrapS") == TextureWrap::kRepeat && WrapOf(sampler, "wrapT") == TextureWrap::kRepeat;
+    if (options_.textures.polygon_atlas.empty() || repeats) continue;
+    Json copy = *sampler;
+    copy.erase("wrapS");
+    copy.erase("wrapT");
+    out["sampler"] = (*json)["samplers"].size();
+    (*json)["samplers"].push_back(std::move(copy));
+  }
+}
+
+void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::string bytes, TextureFileNames* names,
+                            GltfPatch* patch, WrittenMesh* written) const {
+  const Json& old = root_["images"][static_cast<std::size_t>(reading.image)];
+  Json& image = patch->json()["images"][slot];
+  const ImageKind kind = KindOfImage(bytes).value_or(ImageKind::kPng);
+  const auto uri = old.find("uri");
+  const bool is_file = uri != old.end() && uri->is_string() && !IsDataUri(uri->get_ref<const std::string&>());
+  if (is_file && options_.path != "-") {
+    const absl::StatusOr<std::string> name = FileOfUri(gltf_.document, "", uri->get<std::string>());
+    const std::string path = names->Next(name.ok() ? *name : "image", kind);
+    image["uri"] = UriOfFileName(std::filesystem::path(path).filename().string());
+    image.erase("bufferView");
+    written->files.push_back({path, std::move(bytes)});
+    return;
+  }
+  image.erase("uri");
+  image["mimeType"] = MimeType(kind);
+  // The view of the old image goes with its last reading.
+  const bool is_own_place = slot == static_cast<std::size_t>(reading.image);
+  image["bufferView"] = patch->AddView(is_own_place ? IntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
+}
+
+absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
+                                       GltfPatch* patch, WrittenMesh* written) {
+  std::vector<std::string> taken = {gltf_.document.path, options_.path};
+  for (const Json& image : root_["images"]) {
+    if (!image.contains("uri") || !image["uri"].is_string()) continue;
+    const absl::StatusOr<std::string> file = FileOfUri(gltf_.document, "", image["uri"].get<std::string>());
+    if (file.ok()) taken.push_back((std::filesystem::path(gltf_.document.path).parent_path() / *file).string());
+  }
+  TextureFileNames names(options_.path, taken);
+  for (std::size_t i = 0; i < readings_.size(); ++i) {
+    Reading& reading = readings_[i];
+    if (options_.textures.on_image) {
+      options_.textures.on_image(GltfImageName(root_, reading.image) + ", " + std::to_string(i + 1) + " of " +
+                                 std::to_string(readings_.size()));
+    }
+    absl::StatusOr<std::string> bytes = ImageBytes(reading.image);
+    if (!bytes.ok()) return WithTextureAdvice(bytes.status());
+    PLANISH_RETURN_IF_ERROR(FillTriangles(uv, tangents, &reading));
+    bytes = BakeImage(*bytes, reading.bake, options_.textures, &written->warnings);
+    if (!bytes.ok()) return WithTextureAdvice(bytes.status());
+    reading.bake = TextureBake();
+    PutImage(static_cast<std::size_t>(reading.slot), reading, *std::move(bytes), &names, patch, written);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
+                                GltfPatch* patch, WrittenMesh* written) {
+  if (groups_.empty()) return absl::OkStatus();
+  for (const Group& group : groups_) {
+    for (const GltfTextureUse& use : group.uses) {
+      for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
+        if (ElementOf(root_, "images", source.image) != nullptr) continue;
+        return GltfFault(gltf_.document, "textures[" + std::to_string(use.texture) + "].source",
+                         "there is no such image");
+      }
+    }
+    std::vector<std::size_t>& textures = texture_of_use_.emplace_back();
+    for (const GltfTextureUse& use : group.uses) textures.push_back(FindTexture(group, use));
+  }
+  WriteTextures(&patch->json());
+  WriteMaterials(&patch->json(), &written->warnings);
+  ForgetExtension(&patch->json(), kTransform);
+  return WriteImages(uv, tangents, patch, written);
+}
+
+void GltfTextures::Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const {
+  std::set<std::int64_t> done;
+  for (const Group& group : groups_) {
+    if (!done.insert(group.material).second) continue;
+    Json& material = patch->json()["materials"][static_cast<std::size_t>(group.material)];
+    std::string names;
+    for (const GltfTextureUse& use : group.uses) {
+      material[use.at.parent_pointer()].erase(use.at.back());
+      names += (names.empty() ? "" : ", ") + use.slot + " (" + use.name + ")";
+    }
+    warnings->push_back({"TEXTURE_DROPPED", "material " + GltfName(material, "material", group.material) +
+                                                " no longer has " + names +
+                                                ", which it read with the UV that were replaced"});
+  }
+  ForgetExtension(&patch->json(), kTransform);
+}
+
+}  // namespace planish

@@ -1,0 +1,46 @@
+// Material files of OBJ (MTL): what their materials read from images. Used inside client/files only.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/texture/texture_baker.h"
+
+namespace planish {
+
+// One statement that names an image, as in "map_Kd -s 2 2 1 wood.png".
+struct MtlMap {
+  std::size_t line = 0;                                   // in MtlFile::lines
+  std::string keyword;                                    // as the file spells it
+  std::string options;                                    // without -s, -o and -clamp: "-bm 0.5 "
+  std::string file;                                       // from the folder of the material file
+  std::array<double, 2> scale = {1, 1}, offset = {0, 0};  // -s and -o: u' = scale u + offset, v upwards
+  bool clamp = false;
+  TextureMeaning meaning = TextureMeaning::kData;
+  bool may_be_normals = false;  // bump maps are heights, but many programs name normal maps so
+  bool has_alpha = false;       // the material has an opacity map: colours are weighted with alpha
+};
+
+struct MtlMaterial {
+  std::string name;
+  std::size_t first_line = 0, end_line = 0;
+  std::vector<MtlMap> maps;
+};
+
+struct MtlFile {
+  std::vector<std::string> lines;  // without line ends
+  std::vector<MtlMaterial> materials;
+};
+
+MtlFile ParseMtl(std::string_view text);
+
+// "map_Kd -bm 1 out_wood.png"
+std::string MtlLine(const MtlMap& map, const std::string& file);
+
+// The files that the mtllib statements of an OBJ name, as it spells them, each once.
+std::vector<std::string> MaterialLibraries(std::string_view obj);
+
+}  // namespace planish

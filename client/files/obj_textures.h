@@ -1,0 +1,77 @@
+// The images of an OBJ, through its material files, moved to its new map. Used inside client/files only.
+//
+// The new material file has all materials of the old ones. Each image becomes a new one for each way in which materials
+// read it (-s, -o, -clamp, colour or numbers, atlas); these options are applied and gone. Where several atlases share a
+// material it is there once for each.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/files/mesh_output.h"
+#include "client/files/obj_materials.h"
+#include "client/files/texture_files.h"
+#include "client/files/writers.h"
+
+namespace planish {
+
+class ObjTextures {
+ public:
+  // Reads the material files; those that cannot be read have no materials. `file` and `options` outlive the object.
+  ObjTextures(const MeshFile& file, const OutputOptions& options);
+
+  // Whether faces have UV and a material that reads images with them.
+  bool empty() const { return groups_.empty(); }
+  // That every image can be read, before there is a map; IMAGE_OUTSIDE also for material files.
+  absl::Status Check() const;
+  absl::StatusOr<double> EstimateSide(double total_area);
+
+  // Draws the images, and writes the material file. `edit` is for the writer of the OBJ. Appends files and warnings.
+  absl::Status Move(const WrittenPolygons& polygons, ObjMaterialEdit* edit, WrittenMesh* written);
+  // Writes a material file without the images.
+  void Drop(ObjMaterialEdit* edit, WrittenMesh* written);
+  // Warns of images that no longer fit.
+  void Warn(std::vector<OutputWarning>* warnings) const;
+
+ private:
+  struct Library {
+    std::string folder;  // from the folder of the model; empty or with a slash at the end
+    MtlFile mtl;
+  };
+  // A material in one atlas.
+  struct Group {
+    std::int32_t id = 0;  // of the mesh
+    std::int32_t atlas = 0;
+    std::size_t library = 0, material = 0;
+    std::string name;                   // as it is written
+    std::vector<std::size_t> readings;  // one a map
+  };
+  struct Reading {
+    std::string file;  // from the folder of the model
+    MtlMap map;
+    std::vector<std::size_t> groups;
+    TextureBake bake;
+    std::string new_file;
+  };
+
+  const MtlMaterial& MaterialOf(const Group& group) const {
+    return libraries_[group.library].mtl.materials[group.material];
+  }
+  absl::Status FillTriangles(const WrittenPolygons& polygons, const std::vector<std::int32_t>& atlas_of_polygon,
+                             Reading* reading) const;
+  absl::StatusOr<std::string> ImageBytes(const Reading& reading) const;
+  std::string MtlText(bool with_images) const;
+
+  const MeshFile& file_;
+  const OutputOptions& options_;
+  std::vector<Library> libraries_;
+  absl::Status outside_;
+  std::vector<Group> groups_;
+  std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> group_of_;  // by material and atlas
+  std::vector<Reading> readings_;
+};
+
+}  // namespace planish

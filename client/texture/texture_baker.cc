@@ -1,0 +1,523 @@
+#include "client/texture/texture_baker.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <unordered_map>
+#include <utility>
+
+#include "Eigen/Geometry"
+#include "client/texture/texture_levels.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+using texture_internal::Rgba;
+using texture_internal::TexelScale;
+using texture_internal::TextureLevel;
+using texture_internal::TextureLevels;
+
+constexpr int kBandRows = 32;
+// Texels from a triangle that are drawn with it: bilinear filters read as far as that.
+constexpr double kRing = 1.5;
+// Samples along the smaller axis of a footprint above which a mipmap is read, and the most along the larger one.
+constexpr double kMostMinorSamples = 4;
+constexpr double kMostMajorSamples = 64;
+// Old texels beyond the edge of a chart that a sample may be.
+constexpr double kOverhang = 0.5;
+// Old texels a new texel below which the interpolation is linear; it is cubic at 1, and linear again from 2 on, where
+// the mean over the footprint decides.
+constexpr double kLinearBelow = 0.5;
+// UV beyond this say nothing: floats of that size have no fraction.
+constexpr double kLargestUv = 1e6;
+
+double Cross(const Vec2& a, const Vec2& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
+// Per corner k of each triangle whether the edge that it faces is whole in both maps: another triangle has the same UV
+// at both ends.
+class WholeEdges {
+ public:
+  explicit WholeEdges(std::span<const TextureTriangle> triangles) : whole_(3 * triangles.size(), false) {
+    std::unordered_map<Key, std::size_t, Hash> edges;
+    edges.reserve(3 * triangles.size());
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        Key key = KeyOf(triangles[t], (k + 1) % 3, (k + 2) % 3);
+        const auto [other, is_new] = edges.emplace(key, 3 * t + k);
+        if (is_new) continue;
+        whole_[3 * t + k] = whole_[other->second] = true;
+      }
+    }
+  }
+  bool At(std::size_t triangle, std::size_t k) const { return whole_[3 * triangle + k]; }
+
+ private:
+  using Key = std::array<std::uint64_t, 8>;
+  struct Hash {
+    std::size_t operator()(const Key& key) const {
+      std::uint64_t hash = 0;
+      for (const std::uint64_t part : key) hash = (std::rotl(hash, 23) ^ part) * 0x9E3779B97F4A7C15;
+      return static_cast<std::size_t>(hash ^ hash >> 32);
+    }
+  };
+  static Key KeyOf(const TextureTriangle& triangle, std::size_t a, std::size_t b) {
+    std::array<std::array<double, 4>, 2> ends;
+    for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
+      const std::size_t corner = i == 0 ? a : b;
+      // Adding zero turns -0 into 0.
+      ends[i] = {triangle.from[corner].x() + 0.0, triangle.from[corner].y() + 0.0, triangle.to[corner].x() + 0.0,
+                 triangle.to[corner].y() + 0.0};
+    }
+    if (ends[1] < ends[0]) std::swap(ends[0], ends[1]);
+    return std::bit_cast<Key>(ends);
+  }
+
+  std::vector<bool> whole_;
+};
+
+// A line of an edge: inside where normal . p <= offset; the normal has length 1.
+struct HalfPlane {
+  Vec2 normal = Vec2(0, 0);
+  double offset = std::numeric_limits<double>::infinity();
+};
+
+// One triangle, in texels of both images.
+struct Footprint {
+  std::array<Vec2, 3> to;
+  std::array<HalfPlane, 3> edge;  // of `to`, opposite corner k
+  double area = 0;                // twice, positive
+  bool flipped = false;
+
+  Vec2 origin = Vec2(0, 0);                         // old texels at to[0]
+  Vec2 along_x = Vec2(0, 0), along_y = Vec2(0, 0);  // old texels a new texel
+  int level = 0;
+  double level_scale = 1;
+  float sharpness = 1;
+  int samples_major = 1, samples_minor = 1;
+  Vec2 major = Vec2(0, 0), minor = Vec2(0, 0);  // old texels from one sample to the next
+  int limits = 0;
+  std::array<HalfPlane, 3> limit;  // of old texels
+  Vec2 centroid = Vec2(0, 0);      // in old texels
+
+  Vec2 OldAt(const Vec2& p) const { return origin + (p.x() - to[0].x()) * along_x + (p.y() - to[0].y()) * along_y; }
+  std::array<double, 3> WeightsAt(const Vec2& p) const {
+    const double sign = flipped ? -1 : 1;
+    const double w0 = sign * Cross(to[1] - p, to[2] - p) / area, w1 = sign * Cross(to[2] - p, to[0] - p) / area;
+    return {w0, w1, 1 - w0 - w1};
+  }
+};
+
+// False if the triangle has no area in the new map.
+bool SetTarget(const TextureTriangle& triangle, const ImageHeader& header, Footprint* footprint) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    footprint->to[k] = Vec2(triangle.to[k].x() * header.width, triangle.to[k].y() * header.height);
+    if (!(footprint->to[k].cwiseAbs().maxCoeff() < 1e7)) return false;
+  }
+  const double area = Cross(footprint->to[1] - footprint->to[0], footprint->to[2] - footprint->to[0]);
+  footprint->flipped = area < 0;
+  footprint->area = std::abs(area);
+  if (!(footprint->area > 0)) return false;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2& a = footprint->to[(k + 1) % 3];
+    const Vec2 d = footprint->to[(k + 2) % 3] - a;
+    Vec2 normal = footprint->flipped ? Vec2(-d.y(), d.x()) : Vec2(d.y(), -d.x());
+    const double length = normal.norm();
+    if (!(length > 0)) return false;
+    normal /= length;
+    footprint->edge[k] = {normal, normal.dot(a)};
+  }
+  return true;
+}
+
+// UV as they are read: those that are no numbers are 0, and whole repeats do not matter.
+std::array<Vec2, 3> TameUv(const std::array<Vec2, 3>& uv, TextureWrap wrap_u, TextureWrap wrap_v) {
+  std::array<Vec2, 3> tame = uv;
+  for (Vec2& value : tame) {
+    for (double& x : value) {
+      if (!(std::abs(x) <= kLargestUv)) x = 0;
+    }
+  }
+  for (int axis = 0; axis < 2; ++axis) {
+    const TextureWrap wrap = axis == 0 ? wrap_u : wrap_v;
+    if (wrap == TextureWrap::kClamp) continue;
+    const double least = std::min({tame[0][axis], tame[1][axis], tame[2][axis]});
+    const double period = wrap == TextureWrap::kMirror ? 2 : 1;
+    const double shift = period * std::floor(least / period);
+    for (Vec2& value : tame) value[axis] -= shift;
+  }
+  return tame;
+}
+
+// Axes of the footprint of a new texel in old texels, with their lengths: the singular values of the map.
+struct FootprintAxes {
+  Vec2 major = Vec2(1, 0), minor = Vec2(0, 1);
+  double s1 = 0, s2 = 0;
+};
+
+FootprintAxes AxesOf(const Vec2& along_x, const Vec2& along_y) {
+  const double xx = along_x.x() * along_x.x() + along_y.x() * along_y.x();
+  const double yy = along_x.y() * along_x.y() + along_y.y() * along_y.y();
+  const double xy = along_x.x() * along_x.y() + along_y.x() * along_y.y();
+  const double middle = (xx + yy) / 2, half = std::sqrt((xx - yy) * (xx - yy) / 4 + xy * xy);
+  FootprintAxes axes;
+  axes.s1 = std::sqrt(middle + half);
+  axes.s2 = std::sqrt(std::max(0.0, middle - half));
+  const Vec2 direction = xx > yy ? Vec2(middle + half - yy, xy) : Vec2(xy, middle + half - xx);
+  const double length = direction.norm();
+  if (length > 0) axes.major = direction / length;
+  axes.minor = Vec2(-axes.major.y(), axes.major.x());
+  return axes;
+}
+
+struct BandTexels {
+  std::vector<std::int32_t> owner;  // into the list of the band; -1: nobody
+  std::vector<float> distance;      // squared, to the owner
+};
+
+// The point of the triangle's border that is nearest to `p`.
+Vec2 NearestOnBorder(const Footprint& footprint, const Vec2& p) {
+  Vec2 nearest = footprint.to[0];
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2& a = footprint.to[k];
+    const Vec2 d = footprint.to[(k + 1) % 3] - a;
+    const double along = std::clamp((p - a).dot(d) / d.squaredNorm(), 0.0, 1.0);
+    const Vec2 point = a + along * d;
+    if ((point - p).squaredNorm() < (nearest - p).squaredNorm()) nearest = point;
+  }
+  return nearest;
+}
+
+template <typename Texel>
+class TextureDrawing {
+ public:
+  TextureDrawing(const TextureSource& source, std::span<const TextureTriangle> triangles,
+                 std::span<const CornerFrames> frames, const BakeOptions& options, const ImageHeader& target,
+                 ThreadTeam* team)
+      : source_(source),
+        triangles_(triangles),
+        frames_(frames),
+        options_(options),
+        target_(target),
+        whole_(triangles),
+        levels_(source, options.meaning == TextureMeaning::kColor, options.premultiplied, team) {
+    // Mipmaps are made before threads read them.
+    int deepest = 0;
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      Footprint footprint;
+      if (!SetTarget(triangles[t], target, &footprint)) continue;
+      SetSource(t, &footprint);
+      deepest = std::max(deepest, LevelFor(AxesOf(footprint.along_x, footprint.along_y)));
+    }
+    deepest_ = levels_.MakeLevel(deepest);
+  }
+
+  // Rows [first_row, end_row) with the triangles of `list`.
+  void DrawBand(std::span<const std::int32_t> list, int first_row, int end_row, TextureImage* image,
+                std::vector<std::uint8_t>* drawn) const {
+    const auto width = static_cast<std::size_t>(target_.width);
+    const std::size_t count = width * static_cast<std::size_t>(end_row - first_row);
+    BandTexels texels = {std::vector<std::int32_t>(count, -1),
+                         std::vector<float>(count, static_cast<float>(kRing * kRing))};
+    std::vector<Footprint> footprints(list.size());
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (!SetTarget(triangles_[static_cast<std::size_t>(list[i])], target_, &footprints[i])) continue;
+      Claim(footprints[i], static_cast<std::int32_t>(i), first_row, end_row, &texels);
+    }
+    std::vector<bool> is_ready(list.size(), false);
+    const std::size_t texel_bytes = static_cast<std::size_t>(target_.channels * (target_.bits / 8));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (texels.owner[i] < 0) continue;
+      const std::size_t at = width * static_cast<std::size_t>(first_row) + i;
+      const std::uint8_t rank = texels.distance[i] > 0 ? 1 : 2;
+      if ((*drawn)[at] >= rank) continue;
+      const auto own = static_cast<std::size_t>(texels.owner[i]);
+      const auto t = static_cast<std::size_t>(list[own]);
+      Footprint& footprint = footprints[own];
+      if (!is_ready[own]) {
+        SetSource(t, &footprint);
+        SetSamples(&footprint);
+        is_ready[own] = true;
+      }
+      const Vec2 p(static_cast<double>(i % width) + 0.5, first_row + static_cast<double>(i / width) + 0.5);
+      Rgba value = Mean(footprint, rank == 2 ? p : Near(footprint, p));
+      if (!frames_.empty()) value = InNewFrame(footprint, t, p, value);
+      Store(value, image->texels.data() + at * texel_bytes);
+      (*drawn)[at] = rank;
+    }
+  }
+
+ private:
+  // Texels in the triangle, and those near it that no other one has or is nearer to.
+  static void Claim(const Footprint& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
+    const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
+    const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
+    const auto [left, right] = std::minmax({footprint.to[0].x(), footprint.to[1].x(), footprint.to[2].x()});
+    const auto first = std::max<std::int64_t>(first_row, static_cast<std::int64_t>(std::floor(top - kRing - 0.5)));
+    const auto last = std::min<std::int64_t>(end_row - 1, static_cast<std::int64_t>(std::ceil(bottom + kRing - 0.5)));
+    for (std::int64_t y = first; y <= last; ++y) {
+      const double py = static_cast<double>(y) + 0.5;
+      double low = left - kRing, high = right + kRing;
+      for (const HalfPlane& edge : footprint.edge) {
+        const double room = edge.offset + kRing - edge.normal.y() * py;
+        if (std::abs(edge.normal.x()) < 1e-9) {
+          if (room < -1e-6) high = low - 1;
+        } else if (edge.normal.x() > 0) {
+          high = std::min(high, room / edge.normal.x());
+        } else {
+          low = std::max(low, room / edge.normal.x());
+        }
+      }
+      if (high < low) continue;
+      const auto x0 = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor(low - 0.5)));
+      const auto x1 = std::min<std::int64_t>(width - 1, static_cast<std::int64_t>(std::ceil(high - 0.5)));
+      for (std::int64_t x = x0; x <= x1; ++x) {
+        const auto i = static_cast<std::size_t>((y - first_row) * width + x);
+        if (texels->distance[i] <= 0) continue;
+        const Vec2 p(static_cast<double>(x) + 0.5, py);
+        double outside = 0;
+        for (const HalfPlane& edge : footprint.edge) outside = std::max(outside, edge.normal.dot(p) - edge.offset);
+        if (outside * outside >= texels->distance[i]) continue;
+        const auto distance = static_cast<float>(outside > 0 ? (NearestOnBorder(footprint, p) - p).squaredNorm() : 0.0);
+        if (distance >= texels->distance[i]) continue;
+        texels->distance[i] = distance;
+        texels->owner[i] = id;
+      }
+    }
+  }
+
+  void SetSource(std::size_t t, Footprint* footprint) const {
+    const TextureTriangle& triangle = triangles_[t];
+    const ImageHeader& header = source_.image->header;
+    std::array<Vec2, 3> from = TameUv(triangle.from, source_.wrap_u, source_.wrap_v);
+    for (Vec2& p : from) p = Vec2(p.x() * header.width, p.y() * header.height);
+    const std::array<Vec2, 3>& to = footprint->to;
+    const Vec2 e1 = to[1] - to[0], e2 = to[2] - to[0];
+    const Vec2 f1 = from[1] - from[0], f2 = from[2] - from[0];
+    const double area = Cross(e1, e2);
+    footprint->origin = from[0];
+    footprint->along_x = (f1 * e2.y() - f2 * e1.y()) / area;
+    footprint->along_y = (f2 * e1.x() - f1 * e2.x()) / area;
+    const double old_area = Cross(f1, f2);
+    footprint->limits = 0;
+    if (old_area == 0) return;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (whole_.At(t, k)) continue;
+      const Vec2& a = from[(k + 1) % 3];
+      const Vec2 d = from[(k + 2) % 3] - a;
+      const Vec2 normal = (old_area < 0 ? Vec2(-d.y(), d.x()) : Vec2(d.y(), -d.x())).normalized();
+      if (!normal.allFinite()) continue;
+      footprint->limit[static_cast<std::size_t>(footprint->limits++)] = {normal, normal.dot(a)};
+    }
+    footprint->centroid = (from[0] + from[1] + from[2]) / 3;
+  }
+
+  int LevelFor(const FootprintAxes& axes) const {
+    if (source_.nearest) return 0;
+    const double factor = std::max(axes.s2 / kMostMinorSamples, axes.s1 / kMostMajorSamples);
+    return factor > 1 ? std::min(20, static_cast<int>(std::ceil(std::log2(factor)))) : 0;
+  }
+
+  void SetSamples(Footprint* footprint) const {
+    const FootprintAxes axes = AxesOf(footprint->along_x, footprint->along_y);
+    footprint->level = std::min(LevelFor(axes), deepest_);
+    const double texel = std::ldexp(1.0, footprint->level);  // of the level, in old texels
+    const auto samples = [&](double s, const Vec2& axis, int* count) -> Vec2 {
+      s /= texel;
+      // Pixels that keep their edges are a sum of boxes: the whole texel is averaged.
+      const double width = source_.nearest ? s : std::sqrt(std::max(0.0, s * s - 1));
+      *count = static_cast<int>(std::clamp(std::ceil(source_.nearest ? 4 * width : width), 1.0, kMostMajorSamples));
+      return axis * (texel * width / *count);
+    };
+    footprint->major = samples(axes.s1, axes.major, &footprint->samples_major);
+    footprint->minor = samples(axes.s2, axes.minor, &footprint->samples_minor);
+    const double sharp = std::min((axes.s1 - kLinearBelow) / (1 - kLinearBelow), 2 - axes.s2);
+    footprint->sharpness = static_cast<float>(std::clamp(sharp, 0.0, 1.0));
+    // Texels of mipmaps reach farther: samples keep back so much, if the triangle is large enough.
+    const double overhang = footprint->level == 0 ? kOverhang : 1.5 * (1 - texel) + kOverhang;
+    for (int k = 0; k < footprint->limits; ++k) {
+      HalfPlane& limit = footprint->limit[static_cast<std::size_t>(k)];
+      limit.offset = std::max(limit.offset + overhang, limit.normal.dot(footprint->centroid));
+    }
+  }
+
+  // A point beside the triangle, no farther from it than kOverhang in old texels.
+  static Vec2 Near(const Footprint& footprint, const Vec2& p) {
+    const Vec2 border = NearestOnBorder(footprint, p), beyond = p - border;
+    const double old = (beyond.x() * footprint.along_x + beyond.y() * footprint.along_y).norm();
+    return old > kOverhang ? Vec2(border + beyond * (kOverhang / old)) : p;
+  }
+
+  Rgba Mean(const Footprint& footprint, const Vec2& p) const {
+    const TextureLevel<Texel>& level = levels_.level(footprint.level);
+    const double scale_x = static_cast<double>(level.width) / source_.image->header.width;
+    const double scale_y = static_cast<double>(level.height) / source_.image->header.height;
+    const Vec2 centre = footprint.OldAt(p);
+    Rgba sum = {};
+    for (int j = 0; j < footprint.samples_minor; ++j) {
+      const Vec2 row = centre + footprint.minor * (j - 0.5 * (footprint.samples_minor - 1));
+      for (int i = 0; i < footprint.samples_major; ++i) {
+        Vec2 at = row + footprint.major * (i - 0.5 * (footprint.samples_major - 1));
+        for (int k = 0; k < footprint.limits; ++k) {
+          const HalfPlane& limit = footprint.limit[static_cast<std::size_t>(k)];
+          const double beyond = limit.normal.dot(at) - limit.offset;
+          if (beyond > 0) at -= beyond * limit.normal;
+        }
+        // Needles have maps without bounds.
+        if (!(at.cwiseAbs().maxCoeff() < 1e12)) at = Vec2(0, 0);
+        sum += levels_.At(level, at.x() * scale_x, at.y() * scale_y, footprint.sharpness);
+      }
+    }
+    return sum * (1 / (TexelScale<Texel>() * static_cast<float>(footprint.samples_minor * footprint.samples_major)));
+  }
+
+  // A direction of the old tangent frame in the new one.
+  Rgba InNewFrame(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
+    std::array<double, 3> weights = footprint.WeightsAt(p);
+    double total = 0;
+    for (double& w : weights) total += w = std::clamp(w, 0.0, 1.0);
+    Vec3 normal = Vec3::Zero(), from = Vec3::Zero(), to = Vec3::Zero();
+    double from_sign = 1, to_sign = 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const CornerFrames& corner = frames_[3 * t + k];
+      const double w = weights[k] / total;
+      for (int axis = 0; axis < 3; ++axis) {
+        const auto a = static_cast<std::size_t>(axis);
+        normal[axis] += w * corner.normal[a];
+        from[axis] += w * corner.from_tangent[a];
+        to[axis] += w * corner.to_tangent[a];
+      }
+      from_sign = corner.from_tangent[3] < 0 ? -1 : 1;
+      to_sign = corner.to_tangent[3] < 0 ? -1 : 1;
+    }
+    const bool is_normal = options_.meaning == TextureMeaning::kNormal;
+    const double scale = is_normal ? options_.normal_scale : 1;
+    const double x = (2.0 * value[0] - 1) * scale, y = (2.0 * value[1] - 1) * scale,
+                 z = is_normal ? 2.0 * value[2] - 1 : 0;
+    const Vec3 direction = x * from + y * from_sign * normal.cross(from) + z * normal;
+    const Vec3 bitangent = to_sign * normal.cross(to);
+    Vec3 c(direction.dot(bitangent.cross(normal)), direction.dot(normal.cross(to)), direction.dot(to.cross(bitangent)));
+    c /= to.dot(bitangent.cross(normal));
+    if (!c.allFinite()) c = Vec3(x, y, z);
+    if (!is_normal) {
+      const double length = std::hypot(c.x(), c.y());
+      if (length > 0)
+        value = Rgba{static_cast<float>(0.5 + 0.5 * c.x() / length), static_cast<float>(0.5 + 0.5 * c.y() / length),
+                     value[2], value[3]};
+      return value;
+    }
+    if (scale != 0) c = Vec3(c.x() / scale, c.y() / scale, c.z());
+    const double length = c.norm();
+    c = length > 0 ? Vec3(c / length) : Vec3(0, 0, 1);
+    return Rgba{static_cast<float>(0.5 + 0.5 * c.x()), static_cast<float>(0.5 + 0.5 * c.y()),
+                static_cast<float>(0.5 + 0.5 * c.z()), value[3]};
+  }
+
+  void Store(Rgba value, std::uint8_t* out) const {
+    const float alpha = std::clamp(value[3], 0.0F, 1.0F);
+    if (options_.premultiplied && alpha > 0) value /= alpha;
+    const bool srgb = options_.meaning == TextureMeaning::kColor;
+    for (int c = 0; c < target_.channels; ++c) {
+      const bool is_alpha = target_.has_alpha() && c == target_.channels - 1;
+      const float x = is_alpha ? alpha : std::clamp(value[c], 0.0F, 1.0F);
+      if (target_.bits == 8) {
+        out[c] = srgb && !is_alpha ? texture_internal::Srgb8OfLinear16()[static_cast<int>(x * 65535 + 0.5F)]
+                                   : static_cast<std::uint8_t>(x * 255 + 0.5F);
+      } else {
+        const double y = srgb && !is_alpha ? texture_internal::SrgbOfLinear(x) : x;
+        const auto wide = static_cast<std::uint16_t>(y * 65535 + 0.5);
+        std::memcpy(out + 2 * c, &wide, sizeof wide);
+      }
+    }
+  }
+
+  const TextureSource& source_;
+  std::span<const TextureTriangle> triangles_;
+  std::span<const CornerFrames> frames_;
+  const BakeOptions& options_;
+  const ImageHeader& target_;
+  WholeEdges whole_;
+  TextureLevels<Texel> levels_;
+  int deepest_ = 0;
+};
+
+}  // namespace
+
+TextureBaker::TextureBaker(const ImageHeader& header, ThreadTeam* team)
+    : drawn_(static_cast<std::size_t>(header.texels()), 0), team_(team) {
+  image_.header = header;
+  image_.texels.resize(static_cast<std::size_t>(header.bytes()), 0);
+}
+
+template <typename Texel>
+absl::Status TextureBaker::DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
+                                    std::span<const CornerFrames> frames, const BakeOptions& options,
+                                    const std::atomic<bool>* stop) {
+  const ImageHeader& target = image_.header;
+  const TextureDrawing<Texel> drawing(source, triangles, frames, options, target, team_);
+  const int bands = (target.height + kBandRows - 1) / kBandRows;
+  std::vector<std::vector<std::int32_t>> of_band(static_cast<std::size_t>(bands));
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    Footprint footprint;
+    if (!SetTarget(triangles[t], target, &footprint)) continue;
+    const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
+    const int first = std::max(0, static_cast<int>(std::floor((top - kRing - 1) / kBandRows)));
+    const int last = std::min(bands - 1, static_cast<int>(std::floor((bottom + kRing + 1) / kBandRows)));
+    for (int band = first; band <= last; ++band) {
+      of_band[static_cast<std::size_t>(band)].push_back(static_cast<std::int32_t>(t));
+    }
+  }
+  const auto is_stopped = [stop] { return stop != nullptr && stop->load(std::memory_order_relaxed); };
+  team_->ForEach(
+      bands,
+      [&](std::int64_t band) {
+        if (is_stopped()) return;
+        const int first = static_cast<int>(band) * kBandRows;
+        drawing.DrawBand(of_band[static_cast<std::size_t>(band)], first, std::min(target.height, first + kBandRows),
+                         &image_, &drawn_);
+      },
+      1);
+  if (is_stopped()) return MakeError(absl::StatusCode::kCancelled, "CANCELLED", "interrupted");
+  return absl::OkStatus();
+}
+
+absl::Status TextureBaker::Draw(const TextureSource& source, std::span<const TextureTriangle> triangles,
+                                std::span<const CornerFrames> frames, const BakeOptions& options,
+                                const std::atomic<bool>* stop) {
+  if (source.image->header.bits == 8) return DrawFrom<std::uint16_t>(source, triangles, frames, options, stop);
+  return DrawFrom<float>(source, triangles, frames, options, stop);
+}
+
+std::int64_t TextureBaker::SourceBytes(const ImageHeader& header) {
+  return header.texels() * header.bits * 4 / 3;
+}
+
+double TextureSideOf(std::span<const TextureTriangle> triangles, std::span<const double> areas, int old_width,
+                     int old_height) {
+  std::vector<std::pair<double, double>> sides;  // and the area of the surface
+  double total = 0;
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const TextureTriangle& triangle = triangles[t];
+    const double before = std::abs(Cross(triangle.from[1] - triangle.from[0], triangle.from[2] - triangle.from[0])) *
+                          old_width * old_height;
+    const double after = std::abs(Cross(triangle.to[1] - triangle.to[0], triangle.to[2] - triangle.to[0]));
+    const double side = std::sqrt(before / after);
+    if (!(side > 0) || !std::isfinite(side) || !(areas[t] > 0) || !std::isfinite(areas[t])) continue;
+    sides.emplace_back(side, areas[t]);
+    total += areas[t];
+  }
+  std::sort(sides.begin(), sides.end());
+  double below = 0;
+  for (const auto& [side, area] : sides) {
+    below += area;
+    if (below >= 0.9 * total) return side;
+  }
+  return 0;
+}
+
+}  // namespace planish

@@ -1,0 +1,100 @@
+// Images resampled from one map of a surface to another.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "client/texture/image.h"
+#include "core/base/thread_team.h"
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+enum class TextureWrap { kRepeat, kMirror, kClamp };
+
+// How the numbers of a texture are to be read.
+enum class TextureMeaning {
+  kColor,      // colours: filtered in linear light
+  kData,       // numbers: filtered as they are
+  kNormal,     // directions in the tangent frame, as RGB: expressed anew in the frame of the new map
+  kDirection,  // as kNormal, in the tangent plane, as RG; B is a number (KHR_materials_anisotropy)
+};
+
+// A triangle of the surface in both maps: UV from the upper left corner of the image, v downwards. `from` may be
+// anywhere; what it wraps round to is up to the sampler. `to` lies in [0, 1]; what lies outside is not drawn.
+struct TextureTriangle {
+  std::array<Vec2, 3> from, to;
+};
+
+// The tangent frame of a corner in both maps, as glTF has it: the bitangent is normal x tangent, times the sign.
+struct CornerFrames {
+  std::array<float, 3> normal;
+  std::array<float, 4> from_tangent, to_tangent;  // x, y, z, sign
+};
+
+// An image to read from, prepared for filtering.
+struct TextureSource {
+  const TextureImage* image = nullptr;
+  TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
+  bool nearest = false;  // the sampler magnifies without interpolation: pixels keep their edges
+};
+
+struct BakeOptions {
+  TextureMeaning meaning = TextureMeaning::kColor;
+  // Colours are weighted with their alpha when they are filtered. Otherwise they are filtered each by itself.
+  bool premultiplied = false;
+  double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
+};
+
+// Draws sources into a new image, one after the other.
+//
+// The affine map of each triangle between both maps gives the exact footprint of a texel in the old image. Along each
+// principal axis of that map, of singular value s (old texels a new texel), the image is averaged over
+// sqrt(max(0, s^2 - 1)) old texels: together with the texel's own width a box of variance s^2. Samples are one old
+// texel apart or closer, in a mipmap where the smaller s is above kMostMinorSamples. Each sample is interpolated by the
+// cubic of Catmull and Rom, so that the image stays as sharp as it was; where the new map is denser, or half as dense,
+// the interpolation becomes linear, as renderers draw the old image.
+//
+// Texels beside a chart, up to kRing away, are drawn from the nearest triangle. Samples do not go farther than half an
+// old texel beyond an edge at which either map is cut: what lies there belongs to something else.
+class TextureBaker {
+ public:
+  // The new image, empty. header.bytes() of memory and a byte a texel.
+  TextureBaker(const ImageHeader& header, ThreadTeam* team);
+
+  // Draws `triangles`. `frames`, three a triangle, are for kNormal and kDirection. Takes 8 bytes a texel of the old
+  // image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop is true (null: never).
+  absl::Status Draw(const TextureSource& source, std::span<const TextureTriangle> triangles,
+                    std::span<const CornerFrames> frames, const BakeOptions& options,
+                    const std::atomic<bool>* stop = nullptr);
+
+  // Fills what was not drawn, so that no mipmap shows a background: a texel takes the mean of what was drawn in the
+  // smallest aligned square of 2^k texels round it in which something was. Returns the image; the baker is empty then.
+  TextureImage Finish();
+
+  // Memory that Draw() takes for an image.
+  static std::int64_t SourceBytes(const ImageHeader& header);
+
+ private:
+  template <typename Texel>
+  absl::Status DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
+                        std::span<const CornerFrames> frames, const BakeOptions& options,
+                        const std::atomic<bool>* stop);
+
+  TextureImage image_;
+  std::vector<std::uint8_t> drawn_;  // per texel: 0 not, 1 beside a triangle, 2 in one
+  ThreadTeam* team_;
+};
+
+// The side of a square image in which the densest tenth of the surface has the texels per length that it has in the old
+// one: the 90th percentile, weighted by `areas` (of the surface, a triangle), of the square root of the areas in both
+// maps. 0 if no triangle has an area in both.
+double TextureSideOf(std::span<const TextureTriangle> triangles, std::span<const double> areas, int old_width,
+                     int old_height);
+
+}  // namespace planish

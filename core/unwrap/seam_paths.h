@@ -1,0 +1,60 @@
+// Seams as paths over a surface, and cheaper ways for them.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/charts/seam_cost.h"
+#include "core/charts/segmentation.h"
+
+namespace planish {
+
+// Half-edges of one chart that follow each other, with a chart on the other side, which may be the same one. At the
+// vertices between them no other seam ends.
+struct SeamPath {
+  std::vector<HalfedgeHandle> half_edges;
+  bool is_loop = false;  // meets no other seam and no boundary
+};
+
+// Every edge between two charts, or of a slit, is in one path. By the lowest edge of each.
+std::vector<SeamPath> SeamPaths(const Segmentation& segmentation);
+
+// Whether these half-edges still are a path.
+bool IsPath(const Gluing& gluing, std::span<const HalfedgeHandle> path);
+
+// Not thread-safe.
+class SeamRouter {
+ public:
+  // All must outlive this.
+  SeamRouter(const Segmentation& segmentation, const SeamCost& cost, const AtlasTuning& tuning);
+
+  // The cheapest way (SeamCost::OfPath()) between the two ends of a path, or of part of one, through the two charts
+  // beside it; none if that is no cheaper. It keeps near to the path (AtlasTuning::seam_band). If it `slides`, its ends
+  // may move along the outline of the two charts.
+  std::optional<std::vector<HalfedgeHandle>> Reroute(std::span<const HalfedgeHandle> path, bool slides);
+
+ private:
+  enum class Role : char { kNone, kPath, kStart, kEnd };
+
+  bool IsOnPath(HalfedgeHandle h) const;
+  void MarkEnds(std::span<const HalfedgeHandle> path, double reach);
+  void MarkBand(std::span<const HalfedgeHandle> path);
+  void Mark(VertexHandle v, Role role);
+
+  const Segmentation& segmentation_;
+  const SeamCost& cost_;
+  const AtlasTuning& tuning_;
+  // Per vertex, all kNone or -1 between calls, but for those in touched_.
+  std::vector<Role> role_;
+  std::vector<std::int32_t> ring_;
+  std::vector<VertexHandle> touched_, starts_;
+  std::vector<char> is_on_path_;  // per edge
+  // Per half-edge: the cheapest way that ends with it.
+  std::vector<double> so_far_;
+  std::vector<HalfedgeHandle> before_;
+  std::vector<HalfedgeHandle> reached_;
+};
+
+}  // namespace planish
