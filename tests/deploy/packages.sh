@@ -126,6 +126,8 @@ subprocess.run([sys.executable, source + "/client/blender/build_addon.py", "exte
 with zipfile.ZipFile(extension) as archive:
     manifest = archive.read("blender_manifest.toml").decode()
     assert 'version = "1.2.3"' in manifest and 'platforms = ["linux-x64"]' in manifest and "[permissions]" in manifest
+    # Blender allows 64 characters.
+    assert all(len(text) <= 64 for text in re.findall(r'^(?:tagline|network|files) = "(.*)"$', manifest, re.MULTILINE)), manifest
     assert {name[2:] for name in re.findall(r'"(\./wheels/[^"]*)"', manifest)} == {name for name in archive.namelist() if name.startswith("wheels/")}
     assert {"__init__.py", "engines.py", "LICENSE"} <= set(archive.namelist())
 END
