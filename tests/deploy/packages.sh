@@ -111,11 +111,13 @@ code = f"""if True:
     assert planish.unwrap([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).is_usable
 """
 environment = {"PATH": "/nowhere"}
-subprocess.run([sys.executable, "-I", "-B", "-c", code], check=True, env=environment)
 # The command without gRPC for Python, as the extension of Blender uses it where it brings none.
 sys.path[:0] = [site, source + "/client/blender/planish_blender"]
 engines = importlib.import_module("engines")
-assert engines._own_command() == site + "/planish/_server/bin/planish", engines._own_command()
+command = engines._own_command()
+assert command == site + "/planish/_server/bin/planish", command
+subprocess.run([command, "unwrap", source + "/tests/data/spot_seam.obj", "-o", work + "/wheel.obj", "--quiet"], check=True, env=environment)
+subprocess.run([sys.executable, "-I", "-B", "-c", code], check=True, env=environment)
 script = pathlib.Path(site, info.replace("dist-info", "data"), "scripts/planish")
 said = subprocess.run([sys.executable, script, "version"], env={**environment, "PYTHONPATH": site}, check=True, stdout=subprocess.PIPE, text=True).stdout
 assert f"({site}/planish/_server/bin/planishd;" in said, said

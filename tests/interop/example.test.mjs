@@ -55,3 +55,13 @@ test('progress, options and errors', async () => {
   await assert.rejects(unwrap(address, ...mesh, {seams: 'SEAMS_NONE'}), /closed/);
   await assert.rejects(unwrap(address, mesh[0].slice(1), mesh[1]), /multiple of 12/);
 });
+
+test('the lines that proto/README.md begins with', async () => {
+  const page = readFileSync(path.join(process.env.PLANISH_PROTO, 'README.md'), 'utf8');
+  const [, code] = /^# [^\n]*\n\n```js\n(.*?)^```/ms.exec(page);
+  writeFileSync('readme.mjs', code.replace('127.0.0.1:7741', address).replace("'proto'", JSON.stringify(process.env.PLANISH_PROTO)));
+  const {stdout} = await promisify(execFile)(process.execPath, ['readme.mjs']);
+  assert.match(stdout, /STAGE_PACK/);
+  assert.match(stdout, /JOB_STATE_SUCCEEDED/);
+  assert.match(stdout, /Float32Array\(6\)/);
+});

@@ -14,8 +14,11 @@ def own_program(name: str) -> Optional[str]:
     """The program ``planishd`` or ``planish`` that this package brings: its wheel for Linux has them. None if it brings none."""
     root = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_server")
     program = os.path.join(root, "bin", name)
-    # Not all that unpacks wheels keeps the modes of files: Blender does not.
-    for part in (program, os.path.join(root, "libexec", name), os.path.join(root, "lib", "loader")):
+    # Not all that unpacks wheels keeps the modes of files: Blender does not. One program starts the other.
+    parts = [os.path.join(root, "lib", "loader")] + [
+        os.path.join(root, folder, each) for folder in ("bin", "libexec") for each in ("planish", "planishd")
+    ]
+    for part in parts:
         if os.path.isfile(part) and not os.access(part, os.X_OK):
             try:
                 os.chmod(part, os.stat(part).st_mode | 0o111)

@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -93,6 +94,11 @@ class AddOn(unittest.TestCase):
     def monkey(self):
         bpy.ops.mesh.primitive_monkey_add()
         return bpy.context.object
+
+    def test_the_lines_that_the_page_begins_with(self):
+        page = (support.SOURCE_TREE / "client/blender/README.md").read_text()
+        exec(re.match(r"# [^\n]*\n\n```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[1], {})
+        self.assertGreater(len(np.unique(uv_of(bpy.context.object.data), axis=0)), 100)
 
     def cube(self, **arguments):
         bpy.ops.mesh.primitive_cube_add(**arguments)

@@ -23,6 +23,9 @@ RECIPES = {
     for number, code in re.findall(r"^### (\d+)\..*?^```python\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
 }
 
+# Those that the page begins with.
+RECIPES[0] = re.match(r"# [^\n]*\n\n```python\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)[1]
+
 
 def module(name, **contents):
     made = types.ModuleType(name)
@@ -81,6 +84,11 @@ class Recipes(unittest.TestCase):
         part = (positions[triangles].mean(axis=1)[:, 0] > 0.5).astype(int)
         np.savez(path, positions=positions, triangles=triangles, part=part)
         return positions, triangles
+
+    def test_0(self):
+        said, variables = self.run_recipe(0)
+        self.assertTrue(said.startswith("(4, 3, 2) "), said)
+        self.assertEqual(len(variables["split"].uv), len(variables["split"].source_vertex))
 
     def test_there_are_ten(self):
         self.assertEqual(sorted(RECIPES), list(range(1, 11)))
