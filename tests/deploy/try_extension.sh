@@ -22,6 +22,6 @@ inside blender --command extension install-file -r user_default -e /tmp/extensio
 inside blender --background --python-exit-code 1 --python /tmp/ten.py | tee "$work/said"
 grep -q FINISHED "$work/said"
 inside blender --command extension remove planish_blender
-left=$(find "$tree/root" -path '*planish*')
+left=$(inside find /root -path '*planish*')
 [ -z "$left" ] || fail "left behind: $left"
 echo "All that was tried works."

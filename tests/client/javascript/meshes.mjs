@@ -25,31 +25,34 @@ export function areas(uv) {
   return result;
 }
 
-// Charts, and edges at which a set of UV of some primitives is torn. Edges are those between places, whatever the vertices are.
+// Charts, and edges at which a set of UV of some primitives is torn. What counts are places, not vertices: those have normals as well.
 export function measure(primitives, semantic) {
-  let charts = 0;
-  const edges = new Map(), places = new Map();
+  const edges = new Map(), numbers = new Map(), parent = [];
+  const numberOf = (key) => {
+    if (!numbers.has(key)) {
+      numbers.set(key, parent.length);
+      parent.push(parent.length);
+    }
+    return numbers.get(key);
+  };
+  const root = (i) => { while (parent[i] !== i) i = parent[i] = parent[parent[i]]; return i; };
   for (const primitive of primitives) {
     const position = primitive.getAttribute('POSITION'), texcoord = primitive.getAttribute(semantic), indices = primitive.getIndices().getArray();
-    const parent = Array.from({length: position.getCount()}, (_, i) => i);
-    const root = (i) => { while (parent[i] !== i) i = parent[i] = parent[parent[i]]; return i; };
-    const place = [], uv = [], point = [];
+    const places = [], ends = [];
     for (let v = 0; v < position.getCount(); ++v) {
-      const key = String(position.getElement(v, point).slice(0, 3));
-      if (!places.has(key)) places.set(key, places.size);
-      place.push(places.get(key));
-      uv.push(String(texcoord.getElement(v, [])));
+      places.push(position.getElement(v, []).join(' '));
+      ends.push(numberOf(`${places[v]} ${texcoord.getElement(v, []).join(' ')}`));
     }
     for (let c = 0; c < indices.length; c += 3) {
       for (let k = 0; k < 3; ++k) {
-        const [a, b] = [indices[c + k], indices[c + ((k + 1) % 3)]].sort((p, q) => place[p] - place[q]);
-        parent[root(a)] = root(b);
-        const key = `${place[a]} ${place[b]}`;
-        edges.set(key, [...(edges.get(key) ?? []), `${uv[a]} ${uv[b]}`]);
+        const [a, b] = [indices[c + k], indices[c + ((k + 1) % 3)]].sort((p, q) => (places[p] < places[q] ? -1 : 1));
+        parent[root(ends[a])] = root(ends[b]);
+        const key = `${places[a]} ${places[b]}`;
+        if (!edges.has(key)) edges.set(key, new Set());
+        edges.get(key).add(`${ends[a]} ${ends[b]}`);
       }
     }
-    charts += new Set(Array.from(indices, root)).size;
   }
-  const seams = [...edges.values()].filter((sides) => new Set(sides).size > 1).length;
-  return {charts, seams};
+  const seams = [...edges.values()].filter((sides) => sides.size > 1).length;
+  return {charts: parent.filter((p, i) => p === i && root(i) === i).length, seams};
 }
