@@ -40,7 +40,7 @@ struct Row {
 constexpr int kFaces = 1500;
 // CPU time of all maps over that of the reference loop, which has so many rounds for each map.
 constexpr int kRounds = 40;
-constexpr double kTimeBefore = 10.04;
+constexpr double kTimeBefore = 10;
 
 const std::array kBefore = {
     Row{"surface_nets", 1, kSeams, {192, 39.38, 6.07, 0.578, 1.033}},
@@ -146,7 +146,7 @@ TEST_F(Ratchet, MapsAreNoWorseThanBefore) {
   }
   EXPECT_TRUE(std::isfinite(sink));
   const double time = seconds / reference;
-  RecordProperty("time", std::to_string(time));
+  RecordProperty("relative_time", std::to_string(time));
   std::printf("time over that of the reference loop: %.2f, before %.2f\n", time, kTimeBefore);
   if (!kSanitized) EXPECT_LE(time, 1.5 * kTimeBefore);
 }
