@@ -148,7 +148,9 @@ TEST_F(Ratchet, MapsAreNoWorseThanBefore) {
   const double time = seconds / reference;
   RecordProperty("relative_time", std::to_string(time));
   std::printf("time over that of the reference loop: %.2f, before %.2f\n", time, kTimeBefore);
-  if (!kSanitized) EXPECT_LE(time, 1.5 * kTimeBefore);
+  if (!kSanitized) {
+    EXPECT_LE(time, 1.5 * kTimeBefore);
+  }
 }
 
 }  // namespace
