@@ -44,7 +44,10 @@ void AddNumber(CLI::App& app, const Field& field, const std::function<void(Numbe
   const CLI::Range range(static_cast<Number>(min), static_cast<Number>(field.max));
   option->transform(CLI::Validator(
       [range, zero = std::string(field.zero)](std::string& text) {
-        if (zero.empty() || text != zero) return range(text);
+        double number = 0;
+        // To CLI11 "nan" is a number within every range.
+        const bool is_nan = CLI::detail::lexical_cast(text, number) && std::isnan(number);
+        if (zero.empty() || text != zero) return is_nan ? "Value " + text + " is not a number" : range(text);
         text = "0";
         return std::string();
       },
