@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Geometry"
 #include "core/base/error.h"
 #include "core/unwrap/unwrap.h"
 #include "gmock/gmock.h"
