@@ -32,8 +32,9 @@ using planish::CommentOf;
 using planish::v1::About;
 
 // A message before those that have it as a field.
-const char* const kMessages[] = {"UnwrapOptions", "Residual",  "Progress", "BoundaryReport", "ChartReport", "ChartTotals",
-                                 "AtlasPart",     "Atlas",     "Quality",  "StageTimes",     "Report"};
+const char* const kMessages[] = {"UnwrapOptions", "Residual",    "Progress",  "BoundaryReport",
+                                 "ChartReport",   "ChartTotals", "AtlasPart", "Atlas",
+                                 "Quality",       "StageTimes",  "Report"};
 constexpr char kOptions[] = "UnwrapOptions";
 
 std::string Quoted(const std::string& text) {
@@ -101,8 +102,8 @@ const Descriptor& OptionsOf(const google::protobuf::FileDescriptor& file) {
   return *file.FindMessageTypeByName(kOptions);
 }
 
-// Enum values as callers of these clients write them: SEAMS_AUTO becomes "auto" between `quotes`, or seams="auto" in the
-// comment of another option than `own`.
+// Enum values as callers of these clients write them: SEAMS_AUTO becomes "auto" between `quotes`, or seams="auto" in
+// the comment of another option than `own`.
 std::string WithShortNames(const std::string& comment, const Descriptor& options, const EnumDescriptor* own,
                            const std::string& quotes) {
   std::map<std::string, std::string> names;
@@ -136,8 +137,8 @@ std::string Documentation(const FieldDescriptor& field, const std::string& unset
     for (int i = 1; i < type->value_count(); ++i) {
       std::string meaning = CommentOf(*type->value(i));
       if (meaning.ends_with('.')) meaning.pop_back();
-      text += (text.empty() ? "" : " ") + std::string(type->value(i)->name()) + (meaning.empty() ? "" : ": ") + meaning +
-              ".";
+      text += (text.empty() ? "" : " ") + std::string(type->value(i)->name()) + (meaning.empty() ? "" : ": ") +
+              meaning + ".";
     }
   }
   if (!unset.empty() && type == nullptr) text += planish::RangeText(AboutOf(field), unset);
@@ -219,9 +220,9 @@ void WritePython(const std::vector<const Descriptor*>& messages, std::ostream& o
     message->GetSourceLocation(&location);
     const std::vector<std::string> lines = planish::LinesOf(location.leading_comments);
     out << "\n\n@dataclass(frozen=True)\nclass " << PythonClass(*message) << ":\n    \"\"\""
-        << (is_options         ? "What the caller asks for. Every field may be left out; None stands for the server's default."
-            : lines.empty()    ? "As in the message planish.v1." + message->name() + "."
-                               : WithShortNames(lines.front(), OptionsOf(*message->file()), nullptr, "``"))
+        << (is_options ? "What the caller asks for. Every field may be left out; None stands for the server's default."
+            : lines.empty() ? "As in the message planish.v1." + message->name() + "."
+                            : WithShortNames(lines.front(), OptionsOf(*message->file()), nullptr, "``"))
         << "\"\"\"\n\n";
     for (const FieldDescriptor* field : fields) {
       if (is_options) {

@@ -253,8 +253,8 @@ using Check = std::string (*)(Arguments&);
 std::vector<Check> ChecksOf(Command command) {
   switch (command) {
     case Command::kUnwrap:
-      return {CheckInputs, CheckStreams, CheckTexcoordOfUnwrap, CheckPreview, CheckStdout, CheckAtlas, CheckParts,
-              CheckDetach};
+      return {CheckInputs, CheckStreams, CheckTexcoordOfUnwrap, CheckPreview, CheckStdout, CheckAtlas,
+              CheckParts,  CheckDetach};
     case Command::kPack:
       return {CheckTexcoord, CheckPreview, CheckStdout, CheckPack};
     case Command::kTransfer:

@@ -15,30 +15,24 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;
 
-// What is said of the field in the proto: OPTIONS_INVALID for a number out of its range, and for an enum value that
-// this server does not know. The core checks what concerns several options.
-absl::Status CheckField(const v1::UnwrapOptions& options, const FieldDescriptor& field) {
+// OPTIONS_INVALID for a number out of the range that the proto gives at the field. The core checks what concerns
+// several options.
+absl::Status CheckRange(const v1::UnwrapOptions& options, const FieldDescriptor& field) {
   const Reflection& reflection = *options.GetReflection();
-  if (!reflection.HasField(options, &field)) return absl::OkStatus();
-  if (field.enum_type() != nullptr) {
-    const int value = reflection.GetEnumValue(options, &field);
-    if (field.enum_type()->FindValueByNumber(value) != nullptr) return absl::OkStatus();
-    return OptionError(field.name(), absl::StrCat("this server does not know the value ", value));
-  }
+  if (field.enum_type() != nullptr || !reflection.HasField(options, &field)) return absl::OkStatus();
   const v1::About& about = field.options().GetExtension(v1::about);
   const double value = field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE ? reflection.GetDouble(options, &field)
-                                                                            : reflection.GetInt32(options, &field);
+                                                                           : reflection.GetInt32(options, &field);
   const bool is_above = about.above_min() ? value > about.min() : value >= about.min();
   if (is_above && value <= about.max()) return absl::OkStatus();
-  return OptionError(field.name(),
-                     absl::StrCat(value, " is not in ", about.above_min() ? "(" : "[", about.min(), ", ", about.max(),
-                                  "]", about.unit().empty() ? "" : " ", about.unit()));
+  return OptionError(field.name(), absl::StrCat(value, " is not in ", about.above_min() ? "(" : "[", about.min(), ", ",
+                                                about.max(), "]", about.unit().empty() ? "" : " ", about.unit()));
 }
 
-absl::Status CheckFields(const v1::UnwrapOptions& options) {
+absl::Status CheckRanges(const v1::UnwrapOptions& options) {
   const google::protobuf::Descriptor& message = *options.GetDescriptor();
   for (int i = 0; i < message.field_count(); ++i) {
-    PLANISH_RETURN_IF_ERROR(CheckField(options, *message.field(i)));
+    PLANISH_RETURN_IF_ERROR(CheckRange(options, *message.field(i)));
   }
   return absl::OkStatus();
 }
@@ -108,10 +102,14 @@ constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
 
 // Leaves `core` alone where the value is unspecified.
 template <typename Proto, typename Core, std::size_t size>
-void Choose(const Choice<Proto, Core> (&choices)[size], Proto proto, Core* core) {
+absl::Status Choose(const std::string& field, const Choice<Proto, Core> (&choices)[size], Proto proto, Core* core) {
+  if (static_cast<int>(proto) == 0) return absl::OkStatus();
   for (const auto& choice : choices) {
-    if (choice.proto == proto) *core = choice.core;
+    if (choice.proto != proto) continue;
+    *core = choice.core;
+    return absl::OkStatus();
   }
+  return OptionError(field, absl::StrCat("this server does not know the value ", static_cast<int>(proto)));
 }
 
 template <typename Proto, typename Core, std::size_t size>
@@ -125,20 +123,21 @@ Proto Find(const Choice<Proto, Core> (&choices)[size], Core core) {
 }  // namespace
 
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
-  PLANISH_RETURN_IF_ERROR(CheckFields(options));
+  PLANISH_RETURN_IF_ERROR(CheckRanges(options));
   UnwrapOptions core;
   FlattenOptions& flatten = core.flatten;
-  Choose(kSeams, options.seams(), &core.seams.policy);
-  Choose(kPreferences, options.prefer(), &core.seams.prefer);
-  Choose(kPacks, options.pack(), &core.pack);
-  Choose(kLayouts, options.atlas_layout(), &core.layout);
-  Choose(kEfforts, options.effort(), &core.atlas.effort);
-  Choose(kSolvers, options.solver(), &flatten.solver);
-  Choose(kSystems, options.system(), &flatten.system);
-  Choose(kPreconditioners, options.preconditioner(), &flatten.preconditioner);
-  Choose(kHessians, options.hessian(), &flatten.hessian);
-  Choose(kBoundaries, options.boundary(), &flatten.boundary);
-  Choose(kPrecisions, options.precision(), &core.precision);
+  PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
+  PLANISH_RETURN_IF_ERROR(Choose("prefer", kPreferences, options.prefer(), &core.seams.prefer));
+  PLANISH_RETURN_IF_ERROR(Choose("pack", kPacks, options.pack(), &core.pack));
+  PLANISH_RETURN_IF_ERROR(Choose("atlas_layout", kLayouts, options.atlas_layout(), &core.layout));
+  PLANISH_RETURN_IF_ERROR(Choose("effort", kEfforts, options.effort(), &core.atlas.effort));
+  PLANISH_RETURN_IF_ERROR(Choose("solver", kSolvers, options.solver(), &flatten.solver));
+  PLANISH_RETURN_IF_ERROR(Choose("system", kSystems, options.system(), &flatten.system));
+  PLANISH_RETURN_IF_ERROR(
+      Choose("preconditioner", kPreconditioners, options.preconditioner(), &flatten.preconditioner));
+  PLANISH_RETURN_IF_ERROR(Choose("hessian", kHessians, options.hessian(), &flatten.hessian));
+  PLANISH_RETURN_IF_ERROR(Choose("boundary", kBoundaries, options.boundary(), &flatten.boundary));
+  PLANISH_RETURN_IF_ERROR(Choose("precision", kPrecisions, options.precision(), &core.precision));
   if (options.tolerance() != 0) flatten.tolerance = options.tolerance();
   if (options.max_newton_iterations() != 0) flatten.max_newton_iterations = options.max_newton_iterations();
   if (options.threads() != 0) core.threads = options.threads();

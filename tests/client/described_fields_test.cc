@@ -1,5 +1,6 @@
 // Every option is reachable and checked, and every field of a report reaches people, as the proto says at each field
-// (planish/v1/about.proto). The clients' own lists are made from the proto; this finds what was left out of it.
+// (planish/v1/about.proto). The clients' own lists are made from the proto; this finds what was left out of it. That
+// the server refuses every option out of its range is in tests/server/worker/options_test.cc.
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 
@@ -16,12 +17,10 @@
 #include "client/cli/batch_plan.h"
 #include "client/cli/results.h"
 #include "client/src/convert.h"
-#include "core/base/error.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "made/fields.h"
 #include "planish/v1/about.pb.h"
-#include "server/worker/options.h"
 
 namespace planish::cli {
 namespace {
@@ -47,20 +46,6 @@ const v1::About& AboutOf(const FieldDescriptor& field) {
   return field.options().GetExtension(v1::about);
 }
 
-void SetNumber(const FieldDescriptor& field, double value, v1::UnwrapOptions* options) {
-  if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
-    options->GetReflection()->SetDouble(options, &field, value);
-  } else {
-    options->GetReflection()->SetInt32(options, &field, static_cast<int>(value));
-  }
-}
-
-// The name of the field that the server complains about.
-std::string Complaint(const v1::UnwrapOptions& options) {
-  ErrorInfo info = ErrorInfoOf(ValidateOptions(options));
-  return info.reason == "OPTIONS_INVALID" ? info.metadata["field"] : info.reason;
-}
-
 Arguments ParseUnwrap(const std::vector<std::string>& flags) {
   std::vector<const char*> words = {"planish", "unwrap", "in.obj", "-o", "out.obj"};
   for (const std::string& flag : flags) words.push_back(flag.c_str());
@@ -74,7 +59,8 @@ Arguments ParseUnwrap(const std::vector<std::string>& flags) {
 std::string OtherValue(const FieldDescriptor& field) {
   const v1::About& about = AboutOf(field);
   if (kOwnValues.contains(field.name())) return kOwnValues.at(field.name());
-  if (field.enum_type() == nullptr) return about.max() > 2 ? std::to_string(static_cast<int>(about.max() - 1)) : "0.001";
+  if (field.enum_type() == nullptr)
+    return about.max() > 2 ? std::to_string(static_cast<int>(about.max() - 1)) : "0.001";
   std::string other;
   EachField(UnwrapOptions(), [&](const Field& each, const auto&) {
     if (each.name != field.name()) return;
@@ -105,30 +91,6 @@ TEST(DescribedFields, EveryOptionHasAFlagThatSetsIt) {
     EXPECT_EQ(changed.SerializeAsString(), plain.SerializeAsString()) << beside.back();
     // A batch does files again, unless their UV stay the same bytes.
     EXPECT_EQ(SettingsDigest(with) == SettingsDigest(without), AboutOf(*field).keeps_result()) << beside.back();
-  }
-}
-
-TEST(DescribedFields, TheServerRefusesEveryOptionOutOfRange) {
-  for (const FieldDescriptor* field : Options()) {
-    const v1::About& about = AboutOf(*field);
-    if (field->enum_type() != nullptr) {
-      v1::UnwrapOptions options;
-      options.GetReflection()->SetEnumValue(&options, field, 99);
-      EXPECT_EQ(Complaint(options), field->name());
-      continue;
-    }
-    ASSERT_TRUE(about.has_min() && about.has_max()) << field->name() << " has no range";
-    for (const double beyond : {about.min() - 1, about.max() + 1}) {
-      v1::UnwrapOptions options;
-      SetNumber(*field, beyond, &options);
-      EXPECT_EQ(Complaint(options), field->name()) << beyond;
-    }
-    // The core takes what the proto allows.
-    for (const double within : {about.above_min() ? about.max() / 2 : about.min(), about.max()}) {
-      v1::UnwrapOptions options;
-      SetNumber(*field, within, &options);
-      EXPECT_TRUE(ValidateOptions(options).ok()) << field->name() << " " << ValidateOptions(options);
-    }
   }
 }
 

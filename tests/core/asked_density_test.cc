@@ -39,7 +39,8 @@ std::vector<double> DensitiesOf(const Mesh& mesh, const UnwrapResult& result) {
   std::vector<double> densities;
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     const Face& face = mesh.faces[f];
-    const Vec3 a = mesh.positions[face[1]] - mesh.positions[face[0]], b = mesh.positions[face[2]] - mesh.positions[face[0]];
+    const Vec3 a = mesh.positions[face[1]] - mesh.positions[face[0]],
+               b = mesh.positions[face[2]] - mesh.positions[face[0]];
     const auto uv = [&](int k, int i) { return result.uv[6 * f + 2 * k + i]; };
     const double area = (uv(1, 0) - uv(0, 0)) * (uv(2, 1) - uv(0, 1)) - (uv(2, 0) - uv(0, 0)) * (uv(1, 1) - uv(0, 1));
     densities.push_back(result.texture_size * std::sqrt(std::abs(area) / a.cross(b).norm()));
