@@ -16,7 +16,8 @@ namespace {
 // "Texels per side of a tile, 16 to 65536 [1024]"
 std::string HelpOf(const Field& field) {
   std::string help = field.help;
-  const std::string max = Significant(field.max, 6);
+  std::string max = Significant(field.max, 6);
+  if (const std::size_t at = max.find("e+0"); at != std::string::npos) max.erase(at + 1, 2);  // 1e9
   if (field.max > 0) help += field.min > 1 ? ", " + Significant(field.min, 6) + " to " + max : ", up to " + max;
   return help + " [" + field.unset + "]";
 }

@@ -62,7 +62,8 @@ std::string OtherValue(const FieldDescriptor& field) {
   if (field.enum_type() == nullptr)
     return about.max() > 2 ? std::to_string(static_cast<int>(about.max() - 1)) : "0.001";
   std::string other;
-  EachField(UnwrapOptions(), [&](const Field& each, const auto&) {
+  const UnwrapOptions options;
+  EachField(options, [&](const Field& each, const auto&) {
     if (each.name != field.name()) return;
     for (const std::string& choice : each.choices) {
       if (choice != about.unset()) other = choice;
@@ -104,11 +105,16 @@ TEST(DescribedFields, EnumsOfTheLibraryAreThoseOfTheProto) {
       }
     }
   };
-  EachField(UnwrapOptions(), compare);
-  EachField(Progress(), compare);
-  EachField(ChartReport(), compare);
-  EachField(BoundaryReport(), compare);
-  EachField(Atlas(), compare);
+  UnwrapOptions options;
+  EachField(options, compare);
+  Progress progress;
+  EachField(progress, compare);
+  ChartReport chart;
+  EachField(chart, compare);
+  BoundaryReport boundary;
+  EachField(boundary, compare);
+  Atlas atlas;
+  EachField(atlas, compare);
 }
 
 // Fills every field with something that occurs nowhere else, and says where.

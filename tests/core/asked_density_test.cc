@@ -12,8 +12,8 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/promises.h"
+#include "tests/core/shapes.h"
 #include "tests/testing/dice.h"
-#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
@@ -25,7 +25,7 @@ Mesh Bumps(int count, std::uint64_t seed) {
   testing::Dice dice(seed);
   Mesh all;
   for (int i = 0; i < count; ++i) {
-    const Mesh bump = i % 3 == 2 ? Tetrahedron() : Bump(3 + i % 4);
+    const Mesh bump = i % 3 == 2 ? testing::Tetrahedron() : testing::Hills(3 + i % 4, 4);
     const double size = dice.In(0.2, 2);
     const auto first = static_cast<std::int32_t>(all.positions.size());
     for (const Vec3& p : bump.positions) all.positions.push_back(size * p + Vec3(3.0 * i, 0, 0));
@@ -134,7 +134,7 @@ TEST(AskedDensity, BeyondTheLargestTextureAnErrorSaysByHowMuch) {
   UnwrapOptions options;
   options.texels_per_unit = 1e6;
   options.finds_texture_size = true;
-  const auto result = Unwrap(Bump(4), options, {});
+  const auto result = Unwrap(testing::Hills(4, 4), options, {});
   ASSERT_FALSE(result.ok());
   EXPECT_THAT(std::string(result.status().message()), ::testing::HasSubstr("65536 x 65536"));
   EXPECT_THAT(std::string(result.status().message()), ::testing::HasSubstr("of the 1e+06 asked for"));
