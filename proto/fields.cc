@@ -84,7 +84,7 @@ void WriteCppField(const FieldDescriptor& field, std::ostream& out) {
 }
 
 void WriteCpp(const std::vector<const Descriptor*>& messages, std::ostream& out) {
-  out << "// Made from proto/planish/v1/job.proto by the build (proto/fields.cc).\n#pragma once\n\n"
+  out << "// Made from proto/planish/v1 by the build (proto/fields.cc).\n#pragma once\n\n"
          "#include <concepts>\n#include <type_traits>\n\n#include \"client/src/field.h\"\n"
          "#include \"planish/types.h\"\n\nnamespace planish {\n";
   for (const Descriptor* message : messages) {
@@ -99,7 +99,7 @@ void WriteCpp(const std::vector<const Descriptor*>& messages, std::ostream& out)
 // ---- Python and TypeScript
 
 const Descriptor& OptionsOf(const google::protobuf::FileDescriptor& file) {
-  return *file.FindMessageTypeByName(kOptions);
+  return *file.pool()->FindMessageTypeByName(std::string("planish.v1.") + kOptions);
 }
 
 // Enum values as callers of these clients write them: SEAMS_AUTO becomes "auto" between `quotes`, or seams="auto" in

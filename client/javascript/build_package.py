@@ -12,7 +12,7 @@ import pathlib
 import sys
 import tarfile
 
-PROTOS = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
+PROTOS = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/options.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
 
 
 def files(version: str, protos: pathlib.Path, license: pathlib.Path, options: pathlib.Path):

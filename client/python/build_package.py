@@ -24,7 +24,7 @@ import zipfile
 # google/rpc is compiled under a name of the package's own. Two packages that bring the same file under the same name cannot be
 # imported by one process, and others bring Google's.
 RENAMED = (("google/rpc/", "planish/rpc/"), ("google.rpc", "planish.rpc"))
-MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
+MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/options.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
 SERVICE = "planish/v1/planish.proto"
 SOURCES = ("README.md", "pyproject.toml")
 

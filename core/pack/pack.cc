@@ -408,7 +408,8 @@ class Packer {
     std::vector<Box> boxes;
     for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
     std::vector<Vec2> extents(charts_.outlines.size());
-    for (best_.scale = std::min(LargestScale(), options_.most_scale); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
+    for (best_.scale = std::min(LargestScale(), options_.most_scale); best_.scale > least && !execution_.IsCancelled();
+         best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
@@ -430,8 +431,7 @@ class Packer {
     const double angle = AngleOfSmallestSquare(charts_.outlines[0]);
     const Box box = BoxAt(charts_.outlines[0], angle);
     const double low = margin_ + grid_.radius;
-    best_.scale =
-        std::min((1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]), options_.most_scale);
+    best_.scale = std::min((1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]), options_.most_scale);
     best_.poses = {{Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low, angle,
                     charts_.atlas[0] * options_.tiles}};
   }

@@ -198,7 +198,8 @@ struct UnwrapResult {
 // requests. Thread-safe: calls share nothing, each has a team of threads of its own.
 //
 // Errors:
-//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor(), and texels_per_unit for which the texture is
+//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor(), and texels_per_unit for which the texture
+//   is
 //                     too small: metadata "most" is what it holds); PIECE_NOT_A_DISC with SeamPolicy::kKeep
 //   CANCELLED         `control.cancel` was set; noticed within a few dozen linear iterations or a sparse factorization
 //   ABORTED           STOPPED_EARLY: there was no map without flips yet when `control.stop` came

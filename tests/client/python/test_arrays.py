@@ -18,7 +18,7 @@ from planish._connection import Connection, ConnectionOptions
 from planish._request import new_job, spec_message
 from planish._retry import Deadline, Patience, RetryPolicy
 from planish.mesh import chart_of_faces, pack_mesh
-from planish.v1 import job_pb2
+from planish.v1 import job_pb2, options_pb2
 
 
 class Arrays(unittest.TestCase):
@@ -120,7 +120,7 @@ class Arrays(unittest.TestCase):
         self.assertLess(np.abs(packed - packed[0] - corners).max(), 1e-8, "a vertex without a triangle does not count")
 
     def test_every_option_is_a_keyword(self):
-        for described in job_pb2.UnwrapOptions.DESCRIPTOR.fields:
+        for described in options_pb2.UnwrapOptions.DESCRIPTOR.fields:
             default = getattr(planish.UnwrapOptions(), described.name)
             if described.enum_type is None:
                 value = 64 if described.type == described.TYPE_INT32 else 0.5
@@ -191,10 +191,10 @@ class Arrays(unittest.TestCase):
         given = planish.UnwrapOptions(padding=np.int64(0), pack=False, solver="minres", seams="keep")
         options = spec_message(new_job(None, None, given, None, None, "", {"seams": "none"}), None).options
         self.assertTrue(options.HasField("padding"))
-        self.assertEqual((options.pack, options.solver, options.seams), (job_pb2.PACK_OFF, job_pb2.SOLVER_MINRES, job_pb2.SEAMS_NONE))
+        self.assertEqual((options.pack, options.solver, options.seams), (options_pb2.PACK_OFF, options_pb2.SOLVER_MINRES, options_pb2.SEAMS_NONE))
 
     def test_every_option_of_the_api_is_there(self):
-        names = set(job_pb2.UnwrapOptions.DESCRIPTOR.fields_by_name)
+        names = set(options_pb2.UnwrapOptions.DESCRIPTOR.fields_by_name)
         self.assertEqual(names, set(planish.UnwrapOptions.__dataclass_fields__))
 
 

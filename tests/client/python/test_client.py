@@ -407,12 +407,12 @@ class Damage(unittest.TestCase):
 
     def parse(self, **changes):
         from planish.result import parse_uv
-        from planish.v1 import job_pb2
+        from planish.v1 import job_pb2, options_pb2
 
         data = np.arange(12, dtype=np.float32).tobytes()
         mesh = planish.mesh.pack_mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]])
         fields = {"corner_count": 6, "uv_sha256": hashlib.sha256(data).digest(), "mesh_sha256": mesh.sha256()}
-        description = job_pb2.UvDescription(**{**fields, "precision": job_pb2.PRECISION_FLOAT, **changes})
+        description = job_pb2.UvDescription(**{**fields, "precision": options_pb2.PRECISION_FLOAT, **changes})
         return parse_uv(description, bytearray(data), mesh)
 
     def test_is_noticed(self):
