@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -26,6 +27,8 @@ struct PackOptions {
   int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
   int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t
   int atlases = 1;  // with so many tiles each: those of atlas a are a * tiles and following; in [1, 100] all together
+  // The search ends at this scale of a chart with density 1 (Packing::scale).
+  double most_scale = std::numeric_limits<double>::infinity();
   PackEffort effort = PackEffort::kNormal;
   PackTuning tuning = {};
 
@@ -67,11 +70,11 @@ double DrawnScale(double radius, double density, double scale, std::size_t chart
 // How far a chart may be moved after packing, in sides of a tile, and still keep the padding to others.
 inline constexpr double kFreeMove = 1e-6;
 
-// Packs the charts at the largest scale that the search finds. All atlases have one scale, which the fullest of them
-// decides. Any two charts keep a distance of `padding` texels and a little more, so that rounding to float does not
-// bring them nearer, nor moving each by kFreeMove; where there is no room for that, Packing::padding says what is kept.
-// Faces of one chart may lie on each other. Charts are turned, not mirrored. A chart that would be smaller than a texel
-// is enlarged to one, or to what there is room for. Positions must be finite.
+// Packs the charts at the largest scale that the search finds, up to PackOptions::most_scale. All atlases have one
+// scale, which the fullest of them decides. Any two charts keep a distance of `padding` texels and a little more, so
+// that rounding to float does not bring them nearer, nor moving each by kFreeMove; where there is no room for that,
+// Packing::padding says what is kept. Faces of one chart may lie on each other. Charts are turned, not mirrored. A
+// chart that would be smaller than a texel is enlarged to one, or to what there is room for. Positions must be finite.
 //
 // How: at one scale after the other, charts are laid on bit grids (trial.h), from large to small, each where it lies
 // snuggest. With the work that is left, unless there are too many charts for it, the scale goes up, and charts find new

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -13,6 +14,7 @@ namespace planish {
 
 struct TightenOptions : PackRules {
   std::int64_t work = 0;  // about what may be spent: nanoseconds, counted in steps of the algorithms
+  double most_scale = std::numeric_limits<double>::infinity();  // what comes out is no larger
   PackTuning tuning;
 };
 

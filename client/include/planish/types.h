@@ -179,7 +179,8 @@ struct UnwrapOptions {
                                  // Prefer::kSeams
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
-  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
+  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024, or what texels_per_unit needs
+  double texels_per_unit = 0;    // texels per length on the surface, in (0, 1e9]; 0: as many as there is room for
   std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
   int tiles = 0;                 // of each atlas: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
   AtlasLayout atlas_layout = AtlasLayout::kUdim;  // with MeshView::WithFaceAtlas

@@ -43,6 +43,7 @@ from .errors import (
 from .job import (
     AtlasPart,
     AtlasReport,
+    BoundaryReport,
     Capabilities,
     ChartReport,
     ChartTotals,
@@ -72,6 +73,7 @@ __all__ = [
     "Atlas",
     "AtlasPart",
     "AtlasReport",
+    "BoundaryReport",
     "Call",
     "Callbacks",
     "Cancelled",
