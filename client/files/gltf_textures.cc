@@ -508,7 +508,7 @@ absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std:
     absl::StatusOr<std::string> bytes = ImageBytes(reading.image);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     PLANISH_RETURN_IF_ERROR(FillTriangles(uv, tangents, &reading));
-    bytes = BakeImage(*bytes, reading.bake, options_.textures, &written->warnings);
+    bytes = BakeImage(*std::move(bytes), reading.bake, options_.textures, &written->warnings);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     reading.bake = TextureBake();
     PutImage(static_cast<std::size_t>(reading.slot), reading, *std::move(bytes), &names, patch, written);
@@ -537,20 +537,24 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
 }
 
 void GltfTextures::Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const {
-  std::set<std::int64_t> done;
+  std::set<std::int64_t> done, textures;
   for (const Group& group : groups_) {
     if (!done.insert(group.material).second) continue;
     Json& material = patch->json()["materials"][static_cast<std::size_t>(group.material)];
     std::string names;
     for (const GltfTextureUse& use : group.uses) {
       material[use.at.parent_pointer()].erase(use.at.back());
+      textures.insert(use.texture);
       names += (names.empty() ? "" : ", ") + use.slot + " (" + use.name + ")";
     }
     warnings->push_back({"TEXTURE_DROPPED", "material " + GltfName(material, "material", group.material) +
                                                 " no longer has " + names +
                                                 ", which it read with the UV that were replaced"});
   }
-  ForgetExtension(&patch->json(), kTransform);
+  RemoveUnreadTextures(textures, patch);
+  for (const char* name : {kTransform, "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"}) {
+    ForgetExtension(&patch->json(), name);
+  }
 }
 
 }  // namespace planish

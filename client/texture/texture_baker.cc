@@ -448,10 +448,13 @@ class TextureDrawing {
 
 }  // namespace
 
-TextureBaker::TextureBaker(const ImageHeader& header, ThreadTeam* team)
-    : drawn_(static_cast<std::size_t>(header.texels()), 0), team_(team) {
+TextureBaker::TextureBaker(const ImageHeader& header, ThreadTeam* team) : team_(team) {
   image_.header = header;
-  image_.texels.resize(static_cast<std::size_t>(header.bytes()), 0);
+}
+
+void TextureBaker::MakeImage() {
+  drawn_.resize(static_cast<std::size_t>(image_.header.texels()), 0);
+  image_.texels.resize(static_cast<std::size_t>(image_.header.bytes()), 0);
 }
 
 template <typename Texel>
@@ -460,6 +463,8 @@ absl::Status TextureBaker::DrawFrom(const TextureSource& source, std::span<const
                                     const std::atomic<bool>* stop) {
   const ImageHeader& target = image_.header;
   const TextureDrawing<Texel> drawing(source, triangles, frames, options, target, team_);
+  if (source.spent != nullptr) source.spent->texels = std::vector<std::uint8_t>();
+  MakeImage();
   const int bands = (target.height + kBandRows - 1) / kBandRows;
   std::vector<std::vector<std::int32_t>> of_band(static_cast<std::size_t>(bands));
   for (std::size_t t = 0; t < triangles.size(); ++t) {

@@ -54,8 +54,9 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
     levels.push_back(std::move(level));
   };
   add(header.width, header.height, drawn, texels);
+  levels.reserve(32);  // references into it stay
   while (levels.back().width > 1 || levels.back().height > 1) {
-    const FillLevel below = levels.back();
+    const FillLevel& below = levels.back();
     add(below.width, below.height, below.has, below.values.data());
   }
   if (!levels.back().has[0]) return;  // nothing was drawn
@@ -83,6 +84,7 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
 }  // namespace
 
 TextureImage TextureBaker::Finish() {
+  MakeImage();  // if nothing was drawn
   if (image_.header.bits == 8) {
     FillGaps(image_.header, drawn_, image_.texels.data());
   } else {

@@ -226,7 +226,7 @@ std::vector<SampleModel> SampleModels(int detail, int texels) {
   pair.materials[2].is_mirrored = true;
   models.push_back(std::move(pair));
   models.push_back({"letters", false, {hills}, {{Letters(texels, texels)}}});
-  models.push_back({"noise", false, {torus}, {{NoiseTexture(5 * texels / 2, texels, 13)}}});
+  models.push_back({"noise", false, {hills}, {{NoiseTexture(texels, texels, 13)}}});
   SampleModel jpeg = {"jpeg", false, {hills}, {smooth(1, 14)}};
   jpeg.materials[0].image.header.kind = ImageKind::kJpeg;
   models.push_back(std::move(jpeg));

@@ -7,7 +7,7 @@ namespace {
 
 TEST(TextureAccuracy, ModelsLookTheSameWithAnotherMap) {
   constexpr int kPoints = 4000;
-  for (const SampleModel& model : SampleModels(8, 96)) {
+  for (const SampleModel& model : SampleModels(12, 160)) {
     SCOPED_TRACE(model.name);
     const MeshFile before = Opened(model.Glb());
     const MeshFile after = WithNewMap(before);
