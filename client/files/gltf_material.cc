@@ -3,6 +3,10 @@
 #include <cmath>
 #include <string_view>
 
+#include "client/files/gltf_accessor.h"
+#include "client/files/texture_files.h"
+#include "core/base/status_macros.h"
+
 namespace planish {
 namespace {
 
@@ -202,6 +206,34 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
       root["materials"][m][use.at]["index"] = new_texture[static_cast<std::size_t>(use.texture)];
     }
   }
+}
+
+std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture_index) {
+  constexpr std::int64_t kClampToEdge = 33071, kMirroredRepeat = 33648;
+  const Json* const texture = Element(root, "textures", texture_index);
+  const Json* const sampler = texture == nullptr ? nullptr : Element(root, "samplers", Int(*texture, "sampler", -1));
+  const auto wrap = [&](const char* key) {
+    const std::int64_t value = sampler == nullptr ? 0 : Int(*sampler, key, 0);
+    if (value == kClampToEdge) return TextureWrap::kClamp;
+    return value == kMirroredRepeat ? TextureWrap::kMirror : TextureWrap::kRepeat;
+  };
+  return {wrap("wrapS"), wrap("wrapT")};
+}
+
+absl::StatusOr<std::string> GltfImageBytes(const GltfDocument& document, std::int64_t image, bool allow_outside) {
+  const Json* const json = Element(document.json, "images", image);
+  const std::string element = "images[" + std::to_string(image) + "]";
+  if (json == nullptr) return GltfFault(document, element, "there is no such image");
+  if (const auto view = json->find("bufferView"); view != json->end()) {
+    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(document, *view, element + ".bufferView"));
+    return std::string(bytes);
+  }
+  const auto uri = json->find("uri");
+  if (uri == json->end() || !uri->is_string()) return GltfFault(document, element, "neither uri nor bufferView");
+  const std::string& text = uri->get_ref<const std::string&>();
+  if (IsDataUri(text)) return LoadGltfUri(document, element, text, 0);
+  PLANISH_ASSIGN_OR_RETURN(const std::string name, FileOfUri(document, element, text));
+  return ReadImageFile(document.path, name, allow_outside);
 }
 
 }  // namespace planish

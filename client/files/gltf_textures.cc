@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "client/files/file_io.h"
 #include "client/files/gltf_attribute.h"
 #include "client/texture/tangents.h"
 #include "core/base/error.h"
@@ -182,19 +181,7 @@ std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) c
 }
 
 absl::StatusOr<std::string> GltfTextures::ImageBytes(std::int64_t image) const {
-  const Json* const json = ElementOf(root_, "images", image);
-  const std::string element = "images[" + std::to_string(image) + "]";
-  if (json == nullptr || !json->is_object()) return GltfFault(gltf_.document, element, "there is no such image");
-  if (const auto view = json->find("bufferView"); view != json->end()) {
-    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(gltf_.document, *view, element + ".bufferView"));
-    return std::string(bytes);
-  }
-  const auto uri = json->find("uri");
-  if (uri == json->end() || !uri->is_string()) return GltfFault(gltf_.document, element, "neither uri nor bufferView");
-  const std::string& text = uri->get_ref<const std::string&>();
-  if (IsDataUri(text)) return LoadGltfUri(gltf_.document, element, text, 0);
-  PLANISH_ASSIGN_OR_RETURN(const std::string name, FileOfUri(gltf_.document, element, text));
-  return ReadImageFile(gltf_.document.path, name, options_.textures.allow_outside);
+  return GltfImageBytes(gltf_.document, image, options_.textures.allow_outside);
 }
 
 absl::Status GltfTextures::Check() const {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/texture/texture_baker.h"
+#include "client/texture/texture_raster.h"
 
 namespace planish {
 namespace {
@@ -83,13 +83,17 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
 
 }  // namespace
 
+void texture_internal::FillUndrawn(const std::vector<std::uint8_t>& drawn, TextureImage* image) {
+  if (image->header.bits == 8) {
+    FillGaps(image->header, drawn, image->texels.data());
+  } else {
+    FillGaps(image->header, drawn, reinterpret_cast<std::uint16_t*>(image->texels.data()));
+  }
+}
+
 TextureImage TextureBaker::Finish() {
   MakeImage();  // if nothing was drawn
-  if (image_.header.bits == 8) {
-    FillGaps(image_.header, drawn_, image_.texels.data());
-  } else {
-    FillGaps(image_.header, drawn_, reinterpret_cast<std::uint16_t*>(image_.texels.data()));
-  }
+  texture_internal::FillUndrawn(drawn_, &image_);
   drawn_.clear();
   return std::move(image_);
 }

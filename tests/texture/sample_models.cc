@@ -468,6 +468,101 @@ TextureImage ReferenceImage(const LoadedModel& before, const LoadedModel& after,
 
 }  // namespace
 
+namespace {
+
+// The ball's surface in a direction.
+Vec3 OnBall(const Vec3& direction) {
+  const Vec3 d = direction.normalized();
+  const double bumps = 0.03 * std::sin(9 * d.x()) * std::sin(8 * d.y() + 1) * std::cos(7 * d.z()) +
+                       0.002 * std::sin(60 * d.x()) * std::cos(50 * d.y());
+  return (1 + bumps) * d;
+}
+
+Vec3 BallNormal(const Vec3& direction) {
+  const Vec3 d = direction.normalized();
+  const Vec3 x = (std::abs(d.x()) < 0.7 ? Vec3(1, 0, 0) : Vec3(0, 1, 0)).cross(d).normalized(), y = d.cross(x);
+  constexpr double kStep = 1e-4;
+  return (OnBall(d + kStep * x) - OnBall(d - kStep * x)).cross(OnBall(d + kStep * y) - OnBall(d - kStep * y)).normalized();
+}
+
+double BallColor(const Vec3& direction, int channel) {
+  const Vec3 d = direction.normalized();
+  return 0.5 + 0.4 * std::sin(5 * d[channel] + 3 * d[(channel + 1) % 3]);
+}
+
+}  // namespace
+
+std::string ScanPly(int detail) {
+  std::string vertices, faces;
+  std::uint32_t count = 0, polygons = 0;
+  for (int side = 0; side < 6; ++side) {
+    for (int j = 0; j <= detail; ++j) {
+      for (int i = 0; i <= detail; ++i) {
+        const Vec3 p = OnBall(OnCube(side, static_cast<double>(i) / detail, static_cast<double>(j) / detail));
+        for (int k = 0; k < 3; ++k) Append(static_cast<float>(OnGrid(p[k])), &vertices);
+        for (int k = 0; k < 3; ++k) vertices.push_back(static_cast<char>(std::lround(255 * BallColor(p, k))));
+      }
+    }
+    const auto w = static_cast<std::uint32_t>(detail + 1);
+    for (int j = 0; j < detail; ++j) {
+      for (int i = 0; i < detail; ++i) {
+        const std::uint32_t a = count + static_cast<std::uint32_t>(j) * w + static_cast<std::uint32_t>(i);
+        for (const std::array<std::uint32_t, 3>& face : {std::array{a, a + w + 1, a + 1}, std::array{a, a + w, a + w + 1}}) {
+          faces.push_back(3);
+          for (const std::uint32_t v : face) Append(v, &faces);
+          ++polygons;
+        }
+      }
+    }
+    count += w * w;
+  }
+  return "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(count) +
+         "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty "
+         "uchar blue\nelement face " +
+         std::to_string(polygons) + "\nproperty list uchar uint vertex_indices\nend_header\n" + vertices + faces;
+}
+
+std::string DecimatedGlb(int detail) {
+  SampleModel model = {"decimated", true, {}, {{MakeTexture(1, 1, 3, 8, [](double, double, int) { return 1; })}}};
+  for (int side = 0; side < 6; ++side) {
+    const auto place = [side](double x, double y) { return OnBall(OnCube(side, x, y)); };
+    model.patches.push_back({place, detail, detail, 0, (side % 3 + 0.02) / 3, (side / 3 + 0.02) / 2, 0.96 / 3, 0.48});
+  }
+  return model.Glb();
+}
+
+ProjectionDifference CompareWithScan(const MeshFile& projected, int points) {
+  const GltfMesh& gltf = *projected.gltf;
+  std::array<TextureImage, 2> images;  // normals and colours
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Json& view = gltf.document.json["images"][i]["bufferView"];
+    images[i] = Must(DecodeImage(Must(ViewBytes(gltf.document, view, "image")), "image"));
+  }
+  const LoadedModel model = Load(projected);
+  std::mt19937 random(3);
+  const auto uniform = [&random] { return static_cast<double>(random() >> 4) / (1U << 28); };
+  ProjectionDifference result;
+  for (int i = 0; i < points; ++i) {
+    const std::size_t f = random() % model.looks.size();
+    double a = uniform(), b = uniform();
+    if (a + b > 1) a = 1 - a, b = 1 - b;
+    const std::array<double, 3> w = {1 - a - b, a, b};
+    std::array<Vec3, 3> corners;
+    for (std::size_t k = 0; k < 3; ++k) {
+      corners[k] = projected.mesh.positions[static_cast<std::size_t>(projected.mesh.corner_vertex[3 * f + k])];
+    }
+    const Vec3 p = Blend(corners, w);
+    const Vec2 uv = Blend(model.looks[f].uv, w);
+    const double cosine = NormalOf(model.looks[f], w, Shown(images[0], uv)).dot(BallNormal(p));
+    result.normal_mean_degrees += std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / kPi / points;
+    const std::vector<double> rgb = Shown(images[1], uv);
+    for (int c = 0; c < 3; ++c) {
+      result.color_mean += std::abs(rgb[static_cast<std::size_t>(c)] - 255 * BallColor(p, c)) / 3 / points;
+    }
+  }
+  return result;
+}
+
 ModelDifference CompareModels(const MeshFile& before, const MeshFile& after, int points) {
   return CompareLooks(before, Load(before), Load(after), points);
 }

@@ -45,6 +45,15 @@ MeshFile Opened(const std::string& glb);
 // `file` with a map of planish's own, with default options, and its images moved to it.
 MeshFile WithNewMap(const MeshFile& file, const TextureOptions& textures = {});
 
+// A knobbly ball as a scan, cut finely, with vertex colours; and as a decimated copy with UV of its own (a sphere's, in
+// six squares): PLY files. The copy's vertices lie on the scan's surface.
+std::string ScanPly(int detail);
+std::string DecimatedGlb(int detail);
+struct ProjectionDifference {
+  double normal_mean_degrees = 0, color_mean = 0;  // at points of the copy, against the scan's formula
+};
+ProjectionDifference CompareWithScan(const MeshFile& projected, int points);
+
 struct ModelDifference {
   Difference color;
   double normal_mean_degrees = 0;

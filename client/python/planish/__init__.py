@@ -62,6 +62,7 @@ from .job import (
 from .mesh import VertexSplit, split_vertices
 from .private_server import PrivateServer, close_default_server, find_planishd
 from .result import Result
+from .textures import find_command, transfer
 from .xatlas import Atlas, ChartOptions, OptionIgnored, PackOptions, export, parametrize
 
 __all__ = [
@@ -116,8 +117,10 @@ __all__ = [
     "__version__",
     "close_default_server",
     "export",
+    "find_command",
     "find_planishd",
     "parametrize",
     "split_vertices",
+    "transfer",
     "unwrap",
 ]
