@@ -312,9 +312,8 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
   transfer.parse_complete_callback([&arguments] { arguments.command = Command::kTransfer; });
   transfer.footer(
       "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
-      "same triangles,\nin any order, as where TO was unwrapped elsewhere. Exit codes: 0 written, 1 the surfaces "
-      "differ "
-      "or TO has no UV, 2 bad usage\nor an unreadable file or image.");
+      "same triangles,\nin any order, as where TO was unwrapped elsewhere. With --project they need not. Exit codes: 0 "
+      "written, 1 the surfaces differ or\nTO has no UV, 2 bad usage or an unreadable file or image.");
   transfer.add_option("FROM", arguments.input, "Model with images: .gltf, .glb, or .obj with its material files")
       ->required()
       ->type_name("");
@@ -337,6 +336,14 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
           "Which set of FROM they replace [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
+  transfer.add_flag("--project", arguments.project,
+                    "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
+                    "FROM's colours and normals as images");
+  transfer
+      .add_option("--cage", arguments.cage_percent,
+                  "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
+      ->check(CLI::Range(0.001, 100.0).description(""))
+      ->type_name("PERCENT");
   AddImageLimits(transfer, arguments);
   AddJson(transfer, arguments);
   AddTerminal(transfer, arguments);

@@ -59,7 +59,8 @@ const Json* GltfObject(const Json& object, const char* key);
 std::string GltfName(const Json& object, const char* kind, std::int64_t index);
 
 // The bytes of a file from its JSON and its one buffer. RESOURCE_EXHAUSTED FILE_TOO_LARGE: a GLB above 4 GiB.
-absl::StatusOr<std::string> GlbBytes(const Json& json, const std::string& buffer, const std::string& other_chunks);
+// Without a copy if `buffer` has room for the rest.
+absl::StatusOr<std::string> GlbBytes(const Json& json, std::string buffer, const std::string& other_chunks);
 
 // The bytes behind a URI: a data URI, or at most `size` bytes of a file beside document.path. `element` is for
 // messages. FILE_MALFORMED, FILE_UNREADABLE; FILE_UNSUPPORTED for URIs with another scheme and for absolute paths.

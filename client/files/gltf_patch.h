@@ -34,6 +34,11 @@ class GltfPatch {
   // Takes away one use of `old_view` (-1: none) and puts `bytes` into a view. Returns its index.
   std::int64_t AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target);
 
+  // Takes away one use of view `old` (-1: none), whose bytes go if there are no others.
+  void ReleaseView(std::int64_t old);
+  // Whether an extension that we do not know has whole numbers, which may be indices of anything.
+  bool has_unknown_indices() const { return has_unknown_indices_; }
+
   // Lays out the one buffer of the edited document: the bytes that are still in use, as they were and aligned as they
   // were, then the new ones. json() has offsets and lengths then, and a buffer without a URI.
   std::string TakeBuffer();
@@ -42,14 +47,15 @@ class GltfPatch {
   void CountUses();
   void CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses);
   std::int64_t SlotFor(std::int64_t old, std::int64_t uses);
-  void ReleaseView(const Json& user);
   void ReleaseViews(const Json& accessor);
   void DropFreeAccessors();
+  void DropFreeViews();
 
   const GltfDocument& document_;
   Json json_;
   std::vector<std::int64_t> accessor_uses_;
   std::vector<std::int64_t> view_uses_;
+  bool has_unknown_indices_ = false;
   std::vector<std::int64_t> free_views_;      // descending, so that the first is taken first
   std::vector<std::int64_t> free_accessors_;  // released, and not taken by new ones yet
   std::map<std::int64_t, std::string> new_views_;
