@@ -181,7 +181,8 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
     for (std::int64_t t = 0; t < num_textures; ++t) {
       if (gone[static_cast<std::size_t>(t)] != is_gone) continue;
       for (const GltfTextureSource& source : TextureSources(root, t)) {
-        if (source.image >= 0 && source.image < num_images) image_gone[static_cast<std::size_t>(source.image)] = is_gone;
+        if (source.image >= 0 && source.image < num_images)
+          image_gone[static_cast<std::size_t>(source.image)] = is_gone;
       }
     }
   }

@@ -18,7 +18,7 @@ namespace planish {
 enum class TextureMode {
   kLeave,     // they stay as they are, and a warning names them: they no longer fit
   kTransfer,  // they are resampled into the new map (client/texture)
-  kDrop,      // the references of the material are removed
+  kDrop,      // the references of the material are removed, and images that nothing else reads (glTF)
 };
 
 struct TextureOptions {
