@@ -21,11 +21,11 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-constexpr std::size_t kRays = 16;                         // from each face that is looked at
-constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // in all, at most
-constexpr float kAbove = 1e-4F;                           // where rays begin, in diagonals of the mesh
+constexpr std::size_t kRays = 16;                         // from each sampled face
+constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // upper bound of the total
+constexpr float kAbove = 1e-4F;  // distance of the rays' origins above the surface, in diagonals of the mesh
 
-// Directions about the z axis, spread evenly by their cosine (Vogel's spiral).
+// Directions about the z axis, distributed by their cosine (Vogel's spiral).
 std::array<Point, kRays> Directions() {
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
   std::array<Point, kRays> directions;
@@ -48,7 +48,7 @@ Point Cross(const Point& a, const Point& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-// One instruction each.
+// Compile to one instruction each.
 float Less(float a, float b) {
   return a < b ? a : b;
 }
@@ -56,7 +56,7 @@ float Greater(float a, float b) {
   return a > b ? a : b;
 }
 
-// Whether it has a direction.
+// Returns false if the vector has no direction.
 bool Normalize(Point* p) {
   const float length = std::sqrt(Dot(*p, *p));
   for (float& coordinate : *p) coordinate /= length;
@@ -72,7 +72,7 @@ struct SolidBox {
       high[k] = std::max(high[k], p[k]);
     }
   }
-  // Whether a ray comes through, or nearly. `inverse`: 1 over its direction.
+  // Whether a ray intersects the box, or nearly. `inverse`: 1 / direction, by component.
   bool IsMet(const Point& origin, const Point& inverse) const {
     const float ax = (low[0] - origin[0]) * inverse[0], bx = (high[0] - origin[0]) * inverse[0];
     const float ay = (low[1] - origin[1]) * inverse[1], by = (high[1] - origin[1]) * inverse[1];
@@ -127,7 +127,7 @@ class Solid {
   }
 
  private:
-  static constexpr std::size_t kLeafSize = 3;  // at least, and at most twice that, unless there are fewer
+  static constexpr std::size_t kLeafSize = 3;  // a leaf has this many triangles or up to twice as many
 
   // The first triangle of a leaf.
   std::size_t Begin(std::size_t leaf) const { return leaf * triangles_.size() / leaves_; }
@@ -145,14 +145,14 @@ class Solid {
     return v >= 0 && u + v <= 1 && Dot(two, q) * inverse > 0;
   }
 
-  // As in BoxTree (box_tree.h): node i has the children 2 i + 1 and 2 i + 2, and the last `leaves_` are leaves. None is
-  // empty.
+  // As in BoxTree (box_tree.h): node i has the children 2 i + 1 and 2 i + 2, and the last `leaves_` nodes are leaves.
+  // No leaf is empty.
   std::vector<std::array<Point, 3>> triangles_;
   std::vector<SolidBox> nodes_;
   std::size_t leaves_ = 1;
 };
 
-// The share of the rays from a place that meet nothing. `normal` has length 1.
+// The share of the rays from a place that hit nothing. `normal` has length 1.
 float OpenShare(const Solid& solid, const Point& place, const Point& normal,
                 const std::array<Point, kRays>& directions) {
   Point x = Cross(std::abs(normal[0]) < 0.7F ? Point{1, 0, 0} : Point{0, 1, 0}, normal);
@@ -169,7 +169,7 @@ float OpenShare(const Solid& solid, const Point& place, const Point& normal,
   return static_cast<float>(open) / static_cast<float>(kRays);
 }
 
-// The same from the middle of a triangle; 1 for one without area.
+// The same from the middle of a triangle; 1 if it has no area.
 float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
   Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]), middle;
   if (!Normalize(&normal)) return 1;
@@ -177,12 +177,12 @@ float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const 
   return OpenShare(solid, middle, normal, directions);
 }
 
-// The mesh, its diagonal scaled to 1.
+// The mesh, scaled to a diagonal of 1.
 struct Scene {
   Vec3 low;
   double half;                      // of the diagonal
   std::vector<Point> points;        // per vertex
-  std::vector<std::int32_t> faces;  // all with three vertices, in spatial order
+  std::vector<std::int32_t> faces;  // those with three different vertices, in spatial order
   std::optional<Solid> solid;
 
   Point PointAt(const Vec3& position) const {
@@ -190,14 +190,14 @@ struct Scene {
     for (int k = 0; k < 3; ++k) point[k] = static_cast<float>((position[k] / 2 - low[k] / 2) / half);
     return point;
   }
-  // How many places may be looked at.
+  // The maximal number of places to sample.
   std::size_t MostPlaces() const {
     return static_cast<std::size_t>((kFirstRays + kRaysPerFace * static_cast<double>(faces.size())) /
                                     static_cast<double>(kRays));
   }
 };
 
-// Nothing if there is nothing to look at, a position is not finite, or after a cancellation.
+// Nothing if there is no face to sample, a position is not finite, or after a cancellation.
 std::optional<Scene> MakeScene(const Mesh& mesh, const Execution& execution) {
   std::vector<std::int32_t> vertices;
   std::vector<char> has_face(mesh.positions.size(), 0);
@@ -233,7 +233,7 @@ std::optional<Scene> MakeScene(const Mesh& mesh, const Execution& execution) {
 
 constexpr std::int64_t kSamples = 64;  // of a chunk
 
-// Spreads what some faces have to the others, over vertices.
+// Spreads the values of the sampled faces to the others, over shared vertices.
 void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<float>* value) {
   const std::vector<Face>& faces = mesh.faces;
   const Groups at = GroupByKey(static_cast<std::int32_t>(3 * faces.size()), mesh.num_vertices(),
@@ -281,7 +281,7 @@ std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution) 
         }
       },
       kSamples);
-  // What no vertex leads to has the value of what is near in space.
+  // Faces that share no vertices with sampled ones take the value of a face near in space.
   for (std::size_t i = 0; i < faces.size(); ++i) visibility[faces[i]] = visibility[faces[i - i % stride]];
   Spread(mesh, std::move(sampled), &visibility);
   return visibility;
