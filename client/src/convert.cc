@@ -31,8 +31,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
 
-// The enums below number their values like the proto's, from SOMETHING_AUTO = 1 on. A value that only a newer
-// server knows becomes one that ToString calls "unknown"; one that is not there is `unspecified`.
+// The values of the enums below are those of the proto, counted from SOMETHING_AUTO = 1 on. A value that only a newer
+// server knows becomes one that ToString calls "unknown"; a missing value becomes `unspecified`.
 template <typename Enum>
 Enum EnumFromProto(int value, Enum unspecified = Enum()) {
   return value == 0 ? unspecified : static_cast<Enum>(value - 1);
