@@ -1,4 +1,4 @@
-"""What goes into a job and what comes out, as plain dataclasses.
+"""Inputs and outputs of jobs, as plain dataclasses.
 
 Enumerations are strings, spelled as the command spells them: ``"auto"``, ``"solve"``; states of jobs are in capitals. A value
 that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``.
@@ -11,13 +11,13 @@ import datetime
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Optional, Type, TypeVar
 
-#: The states in which a job never changes again, but for SUCCEEDED -> EXPIRED.
+#: The states in which a job no longer changes, except SUCCEEDED -> EXPIRED.
 TERMINAL_STATES = frozenset({"SUCCEEDED", "FAILED", "CANCELLED", "EXPIRED"})
 
 
 @dataclass(frozen=True)
 class UnwrapOptions:
-    """What the caller asks for. Every field may be left out; None stands for the server's default."""
+    """Options of an unwrap. Every field may be left out; None is the server's default."""
 
     #: ``"auto"``: the given seams, and as many more as keep the stretch below max_stretch. ``"needed"``: more only where a
     #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams, and slits where a piece with holes has no other map. ``"none"``: the mesh is a disc.
@@ -26,9 +26,9 @@ class UnwrapOptions:
     prefer: str = "texture"
     #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05, and 1.25 for ``"seams"``.
     max_stretch: Optional[float] = None
-    #: Edges whose faces' normals are further apart are given seams. Degrees, in (0, 180]; None: none.
+    #: Edges whose faces' normals differ by more become given seams. Degrees, in (0, 180]; None: no such edges.
     hard_edge_degrees: Optional[float] = None
-    #: False: charts stay as they were solved, at the surface's scale, one over the other.
+    #: False: charts stay as solved, at the surface's scale, on top of each other.
     pack: bool = True
     #: Texels per side of a tile. In [16, 65536]; None: 1024.
     texture_size: Optional[int] = None
@@ -36,11 +36,11 @@ class UnwrapOptions:
     padding: Optional[int] = None
     #: Tiles that each atlas may use, UDIM 1001, 1002, ..., ten in a row. In [1, 100]; None: 1.
     tiles: Optional[int] = None
-    #: With `face_atlas`: ``"udim"``, each atlas into tiles of its own, all at one texel density; or ``"stacked"``, all into the same
-    #: tiles, as textures of their own, each as large as it fits there.
+    #: With `face_atlas`: ``"udim"``, each atlas has its own tiles, all have one texel density; or ``"stacked"``, all
+    #: have the same tiles, as separate textures, each as large as fits.
     atlas_layout: str = "udim"
-    #: What packing may cost: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` a third; ``"best"``, with more charts,
-    #: fifty times the rest, or a minute where that is more.
+    #: The cost of packing: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` about a quarter plus 0.15 ms a
+    #: chart; ``"best"``, with more charts, fifty times the rest, at least a minute.
     effort: str = "normal"
     #: ``"auto"``, ``"uzawa"``, ``"minres"`` or ``"direct"``.
     solver: str = "auto"
@@ -64,21 +64,21 @@ class UnwrapOptions:
 
 @dataclass(frozen=True)
 class Scheduling:
-    """When a job runs, and for how long. Changes what comes out only where a limit is met."""
+    """When a job runs, and for how long. Changes the result only if a limit is reached."""
 
     #: ``"low"``, ``"normal"`` or ``"high"``: a waiting job counts as 10 minutes younger or older; the oldest is next.
     priority: str = "normal"
-    #: From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED. None: no limit.
+    #: Counted from acceptance: a job that has not ended by then fails with DEADLINE_EXCEEDED. None: no limit.
     timeout_seconds: Optional[float] = None
-    #: Of running: a job that runs longer is stopped, and delivers the best map it has (warning STOPPED). None: no limit.
+    #: A job that runs longer is stopped, and delivers its best map so far (warning STOPPED). None: no limit.
     compute_budget_seconds: Optional[float] = None
-    #: Compute anew even if the server has the result for this mesh and these options.
+    #: Compute again even if the server has the result for this mesh and these options.
     fresh: bool = False
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Largest residual of each family of constraints and of the gradient, in radians (wheel: a logarithm)."""
+    """Largest residual of each kind of constraint and of the gradient, in radians (wheel: a logarithm)."""
 
     triangle: float = 0.0
     vertex: float = 0.0
@@ -88,7 +88,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Progress:
-    """One point of a job's way."""
+    """A job's progress at one moment."""
 
     #: ``"decode"``, ``"charts"``, ``"solve"``, ``"layout"``, ``"pack"``, ``"verify"`` or ``"encode"``.
     stage: str = "unspecified"
@@ -125,7 +125,7 @@ class ChartReport:
     abf_energy: float = 0.0
     barrier: float = 0.0
     stretch_l2: float = 1.0
-    #: The largest residual where Newton's method began, and after each of its steps; older servers do not tell.
+    #: The largest residual at the start of Newton's method and after each step; empty from older servers.
     newton_residuals: List[float] = field(default_factory=list)
 
 
@@ -139,7 +139,7 @@ class ChartTotals:
     linear_iterations: int = 0
     residual: Residual = field(default_factory=Residual)
     stretch_l2_max: float = 1.0
-    #: The largest of any chart after so many Newton steps; a chart that needed fewer counts with its last.
+    #: After each Newton step, the largest of any chart; a chart that needed fewer steps counts with its last.
     newton_residuals: List[float] = field(default_factory=list)
 
 
@@ -158,13 +158,13 @@ class AtlasPart:
 
 @dataclass(frozen=True)
 class AtlasReport:
-    """Where the charts went, in texels of the texture that was asked for."""
+    """The packed charts. Lengths are in texels of the requested texture."""
 
     pack: str = "on"  #: or "off"
     texture_size: int = 0
     padding: int = 0
     tiles: int = 1  #: up to the last that is used
-    #: Of length on the surface, at weight 1, the least of all atlases; 0 without packing.
+    #: Per length on the surface, at weight 1, the least of all atlases; 0 without packing.
     texels_per_unit: float = 0.0
     effort: str = "normal"
     layout: str = "udim"
@@ -211,7 +211,7 @@ class StageSeconds:
 
 @dataclass(frozen=True)
 class JobWarning:
-    """A promise that was not kept, or something that the caller should know; reasons as in ``planish.v1.Warning``."""
+    """A promise that was not kept, or something that the caller should know; for reasons see ``planish.v1.Warning``."""
 
     reason: str = ""
     message: str = ""
@@ -220,11 +220,12 @@ class JobWarning:
 
 @dataclass(frozen=True)
 class Report:
-    """What became of the mesh."""
+    """The report of an unwrap."""
 
     triangles: int = 0
     vertices: int = 0
-    #: One for each chart, ascending; of more than 1024 those that did not converge, then those of the largest stretch.
+    #: One for each chart, ascending; if there are more than 1024, those that did not converge, then those with the
+    #: largest stretch.
     charts: List[ChartReport] = field(default_factory=list)
     chart_totals: ChartTotals = field(default_factory=ChartTotals)
     atlas: AtlasReport = field(default_factory=AtlasReport)
@@ -237,7 +238,7 @@ class Report:
 
 @dataclass(frozen=True)
 class JobError:
-    """Why a job failed, as data; :class:`planish.Error` is the same thing raised."""
+    """Why a job failed, as data; :class:`planish.Error` is the same as an exception."""
 
     code: str = ""
     reason: str = ""
@@ -247,7 +248,7 @@ class JobError:
 
 @dataclass(frozen=True)
 class Job:
-    """A job, as the server tells of it."""
+    """A job, as the server reports it."""
 
     name: str = ""  #: "jobs/..."
     #: ``"QUEUED"``, ``"RUNNING"``, ``"STOPPING"``, ``"SUCCEEDED"``, ``"FAILED"``, ``"CANCELLED"`` or ``"EXPIRED"``.
@@ -265,7 +266,7 @@ class Job:
     attempts: int = 0  #: times that a worker began with it
     stop_requested: bool = False
     cancel_requested: bool = False
-    result_of: str = ""  #: the job whose work it shares; empty: its own
+    result_of: str = ""  #: the job whose result it shares; or empty
     memory_bytes: int = 0  #: reserved while it runs
     tenant: str = ""
 
@@ -277,7 +278,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a job: exactly one of ``job`` (after a change of state) and ``progress`` is set."""
+    """A change of a job: either ``job`` (after a change of state) or ``progress`` is set."""
 
     sequence: int = 0  #: 1, 2, 3, ... within a job; jumps where events were lost or the server was restarted
     time: Optional[datetime.datetime] = None
@@ -345,7 +346,7 @@ def enum_name(descriptor: Any, number: int) -> str:
 
 
 def enum_number(descriptor: Any, name: str) -> Optional[int]:
-    """The reverse of :func:`enum_name`; None for a name that is none."""
+    """The reverse of :func:`enum_name`; None for unknown names."""
     prefix = descriptor.values_by_number[0].name[: -len("UNSPECIFIED")]
     value = descriptor.values_by_name.get(prefix + name.upper())
     return None if value is None or value.number == 0 else int(value.number)
