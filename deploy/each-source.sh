@@ -11,7 +11,7 @@ cmake --preset clang -DPLANISH_BUILD_TESTS=OFF -DCMAKE_EXPORT_COMPILE_COMMANDS=O
   cat build/configure-clang.log >&2
   exit 1
 }
-cmake --build --preset clang --target planish_proto_sources >&2
+cmake --build --preset clang --target planish_proto_sources planish_made_sources >&2
 
 cd build/clang
 # One line for each source: the shell command that CMake wrote. Generated sources are left out.

@@ -14,7 +14,8 @@ log=$build/Testing/Temporary/LastTest.log
 summary=$build/test-summary.txt
 rm -f "$report" "$log"
 status=0
-ctest --preset "$preset" --parallel "$(nproc)" --output-junit "$report" "$@" </dev/null || status=$?
+# One test more than cores: many wait for servers and disks.
+ctest --preset "$preset" --parallel "$(($(nproc) + 1))" --output-junit "$report" "$@" </dev/null || status=$?
 
 sanitized=
 ! grep -q '^PLANISH_SANITIZE:[A-Z]*=.' "$build/CMakeCache.txt" || sanitized=sanitized

@@ -4,7 +4,7 @@
 //
 // DESCRIPTORS is a FileDescriptorSet with source info (protoc --include_imports --include_source_info). Comments become
 // paragraphs. An indented line with a word, at least two blanks and a text becomes an item of a list; all other indented
-// lines are copied unchanged.
+// lines are copied unchanged. The range and default of a field (about.proto) follow its comment.
 #include <cctype>
 #include <fstream>
 #include <iostream>
@@ -14,6 +14,7 @@
 
 #include "google/protobuf/descriptor.h"
 #include "google/protobuf/descriptor.pb.h"
+#include "proto/about_text.h"
 
 namespace {
 
@@ -26,26 +27,18 @@ using google::protobuf::MethodDescriptor;
 using google::protobuf::ServiceDescriptor;
 using google::protobuf::SourceLocation;
 
-// The lines of a comment, without the blank after "//".
-std::vector<std::string> LinesOf(const std::string& comment) {
-  std::vector<std::string> lines;
-  std::istringstream text(comment);
-  for (std::string line; std::getline(text, line);) lines.push_back(line.starts_with(' ') ? line.substr(1) : line);
-  return lines;
-}
-
 template <typename Element>
-std::vector<std::string> CommentOf(const Element& element) {
+std::vector<std::string> CommentLines(const Element& element) {
   SourceLocation location;
   if (!element.GetSourceLocation(&location)) return {};
   // "NAME = 0;  // meaning" and "// meaning" above it.
-  return LinesOf(location.leading_comments.empty() ? location.trailing_comments : location.leading_comments);
+  return planish::LinesOf(location.leading_comments.empty() ? location.trailing_comments : location.leading_comments);
 }
 
-std::vector<std::string> CommentOf(const FileDescriptor& file) {
+std::vector<std::string> CommentLines(const FileDescriptor& file) {
   SourceLocation location;
   const std::vector<int> syntax = {google::protobuf::FileDescriptorProto::kSyntaxFieldNumber};
-  return file.GetSourceLocation(syntax, &location) ? LinesOf(location.leading_comments) : std::vector<std::string>();
+  return file.GetSourceLocation(syntax, &location) ? planish::LinesOf(location.leading_comments) : std::vector<std::string>();
 }
 
 // The column at which explanations of codes begin; FAILED_PRECONDITION leaves room for only one blank.
@@ -100,13 +93,10 @@ void PrintComment(const std::vector<std::string>& lines, std::ostream& out) {
 }
 
 // The text for a cell of a table.
-std::string OneLine(const std::vector<std::string>& lines) {
-  std::string text;
-  for (const std::string& line : lines) {
-    if (!text.empty()) text += ' ';
-    for (const char c : Trimmed(line)) text += c == '|' ? std::string("\\|") : c == '<' ? "&lt;" : std::string(1, c);
-  }
-  return text;
+std::string Cell(const std::string& text) {
+  std::string cell;
+  for (const char c : Trimmed(text)) cell += c == '|' ? std::string("\\|") : c == '<' ? "&lt;" : std::string(1, c);
+  return cell;
 }
 
 std::string Anchor(const std::string& full_name) {
@@ -147,7 +137,13 @@ void PrintMethod(const MethodDescriptor& method, std::ostream& out) {
   PrintHeading("###", method.name(), method.full_name(), out);
   out << (method.client_streaming() ? "stream of " : "") << TypeName(*method.input_type(), package) << " → "
       << (method.server_streaming() ? "stream of " : "") << TypeName(*method.output_type(), package) << "\n\n";
-  PrintComment(CommentOf(method), out);
+  PrintComment(CommentLines(method), out);
+}
+
+// " In [16, 65536] texels; 0 means 1024.", if that is said at the field.
+std::string Range(const FieldDescriptor& field) {
+  return planish::RangeText(planish::AboutOf(field),
+                            field.has_presence() || field.enum_type() != nullptr ? "unset means" : "0 means");
 }
 
 void PrintFields(const Descriptor& message, std::ostream& out) {
@@ -159,7 +155,7 @@ void PrintFields(const Descriptor& message, std::ostream& out) {
   for (int i = 0; i < message.field_count(); ++i) {
     const FieldDescriptor& field = *message.field(i);
     out << "| `" << field.name() << "` | " << field.number() << " | " << TypeOf(field) << " | "
-        << OneLine(CommentOf(field)) << " |\n";
+        << Cell(planish::CommentOf(field) + Range(field)) << " |\n";
   }
   out << "\n";
 }
@@ -167,7 +163,7 @@ void PrintFields(const Descriptor& message, std::ostream& out) {
 // `name`: with the names of enclosing messages before it.
 void PrintMessage(const Descriptor& message, const std::string& name, std::ostream& out) {
   PrintHeading("###", name, message.full_name(), out);
-  PrintComment(CommentOf(message), out);
+  PrintComment(CommentLines(message), out);
   PrintFields(message, out);
   for (int i = 0; i < message.nested_type_count(); ++i) {
     const Descriptor& nested = *message.nested_type(i);
@@ -177,22 +173,22 @@ void PrintMessage(const Descriptor& message, const std::string& name, std::ostre
 
 void PrintEnum(const EnumDescriptor& type, std::ostream& out) {
   PrintHeading("###", type.name(), type.full_name(), out);
-  PrintComment(CommentOf(type), out);
+  PrintComment(CommentLines(type), out);
   out << "| value | | |\n|---|---|---|\n";
   for (int i = 0; i < type.value_count(); ++i) {
     out << "| `" << type.value(i)->name() << "` | " << type.value(i)->number() << " | "
-        << OneLine(CommentOf(*type.value(i))) << " |\n";
+        << Cell(planish::CommentOf(*type.value(i))) << " |\n";
   }
   out << "\n";
 }
 
 void PrintFile(const FileDescriptor& file, std::ostream& out) {
   out << "# " << file.name() << "\n\nPackage `" << file.package() << "`.\n\n";
-  PrintComment(CommentOf(file), out);
+  PrintComment(CommentLines(file), out);
   for (int i = 0; i < file.service_count(); ++i) {
     const ServiceDescriptor& service = *file.service(i);
     PrintHeading("##", "Service " + service.name(), service.full_name(), out);
-    PrintComment(CommentOf(service), out);
+    PrintComment(CommentLines(service), out);
     for (int m = 0; m < service.method_count(); ++m) PrintMethod(*service.method(m), out);
   }
   if (file.message_type_count() > 0) out << "## Messages of " << file.name() << "\n\n";

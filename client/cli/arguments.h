@@ -108,6 +108,8 @@ struct Arguments {
   bool keep_density = false;                       // pack; texture_size, padding and tiles are those of `options`
   std::map<std::string, double> material_weights;  // unwrap and pack: times the texels per length, in [0.01, 100]
   CheckArguments check;
+  bool project = false;     // transfer: between surfaces that only lie close
+  double cage_percent = 1;  // of that, in hundredths of TO's diagonal
   bool detach = false;
   Scheduling scheduling;
   std::map<std::string, std::string> labels;  // jobs list: what those of a job must be; a value may end in "*"

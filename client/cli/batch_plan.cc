@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
+#include "client/cli/field_json.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/file_io.h"
@@ -239,29 +240,15 @@ std::string InputDigest(const std::string& path) {
 }
 
 std::string SettingsDigest(const Arguments& arguments) {
-  const UnwrapOptions& options = arguments.options;
+  Json options = Json::object();
+  EachField(arguments.options, [&](const Field& field, const auto& member) {
+    if (!field.keeps_result) options[field.name] = FieldJson(field, member);
+  });
   const SeamList& seams = arguments.seams;
-  const Json json = {{"seams", ToString(options.seams)},
-                     {"hard", options.hard_edge_degrees},
+  const Json json = {{"options", options},
                      {"sources", {seams.uv, seams.materials, seams.groups}},
-                     {"prefer", ToString(options.prefer)},
-                     {"max_stretch", options.max_stretch},
-                     {"pack", options.pack},
-                     {"texture_size", options.texture_size},
-                     {"padding", options.padding.value_or(-1)},
-                     {"tiles", options.tiles},
-                     {"effort", ToString(options.effort)},
                      {"atlas_per", arguments.atlas_per ? ToString(*arguments.atlas_per) : ""},
-                     {"atlas_layout", ToString(options.atlas_layout)},
                      {"weights", arguments.material_weights},
-                     {"solver", ToString(options.solver.method)},
-                     {"system", ToString(options.solver.system)},
-                     {"preconditioner", ToString(options.solver.preconditioner)},
-                     {"hessian", ToString(options.solver.hessian)},
-                     {"boundary", ToString(options.boundary)},
-                     {"precision", ToString(options.precision)},
-                     {"tolerance", options.solver.tolerance},
-                     {"max_newton_iterations", options.solver.max_newton_iterations},
                      {"texcoord", arguments.texcoord},
                      {"output_texcoord", arguments.OutputTexcoord()},
                      {"textures", ToString(arguments.textures.textures)}};

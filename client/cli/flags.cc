@@ -163,35 +163,6 @@ void AddImageLimits(CLI::App& app, Arguments& arguments) {
                "Read images that do not lie in the folder of the model as well");
 }
 
-void AddAtlasSize(CLI::App& app, Arguments& arguments) {
-  UnwrapOptions& options = arguments.options;
-  app.add_option(
-         "--texture-size", options.texture_size,
-         "Texels per side of a tile, 16 to 65536 [1024; with images to move as many as keep their texel density]")
-      ->check(CLI::Range(16, 65536).description(""))
-      ->type_name("N");
-  app.add_option_function<int>(
-         "--padding", [&options](const int& texels) { options.padding = texels; },
-         "Texels that stay free between charts, half as many at the rim, up to 64 [2]")
-      ->check(CLI::Range(0, 64).description(""))
-      ->type_name("N");
-}
-
-void AddTiles(CLI::App& app, Arguments& arguments) {
-  app.add_option("--tiles", arguments.options.tiles,
-                 "Tiles (UDIM 1001, 1002, ...) that may be used, by each atlas, up to 100 [1]")
-      ->check(CLI::Range(1, 100).description(""))
-      ->type_name("N");
-}
-
-void AddPacking(CLI::App& app, Arguments& arguments) {
-  Choices<Effort>{{Effort::kNormal, Effort::kFast, Effort::kBest}}.AddTo(
-      app, "--effort", arguments.options.effort,
-      "What packing may cost: fast, a quarter of the rest; normal, a third; best, with more charts, fifty times "
-      "the rest, or a minute where that is more [normal]");
-  AddTiles(app, arguments);
-}
-
 void AddScheduling(CLI::App& app, Scheduling& scheduling) {
   app.add_option_function<std::string>(
          "--priority",

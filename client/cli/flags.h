@@ -55,9 +55,6 @@ void AddOutputTexcoord(CLI::App& app, Arguments& arguments);
 void AddTextures(CLI::App& app, Arguments& arguments);
 // --memory and --allow-outside, which AddTextures() includes.
 void AddImageLimits(CLI::App& app, Arguments& arguments);
-void AddAtlasSize(CLI::App& app, Arguments& arguments);
-void AddTiles(CLI::App& app, Arguments& arguments);
-void AddPacking(CLI::App& app, Arguments& arguments);
 // --quiet and --color. It begins a group, so it comes last, but for AddProgress(), which adds --progress and --verbose.
 void AddTerminal(CLI::App& app, Arguments& arguments);
 void AddProgress(CLI::App& app, Arguments& arguments);

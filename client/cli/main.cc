@@ -1,4 +1,6 @@
 // planish: the command line.
+#include <malloc.h>
+
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -58,6 +60,8 @@ int Run(const Arguments& arguments) {
 }  // namespace planish::cli
 
 int main(int argc, char** argv) {
+  // Images and their mipmaps are given back to the system as soon as they are freed.
+  mallopt(M_MMAP_THRESHOLD, 4 << 20);
   // gRPC would log what the command says in its own words.
   setenv("GRPC_VERBOSITY", "NONE", 0);
   const planish::cli::ParsedArguments parsed = planish::cli::ParseArguments(argc, argv);

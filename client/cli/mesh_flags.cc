@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/cli/flags.h"
+#include "client/cli/option_flags.h"
 
 namespace planish::cli {
 namespace {
@@ -79,9 +80,6 @@ void AddAtlases(CLI::App& app, Arguments& arguments) {
   Choices<AtlasPer>{{AtlasPer::kFile, AtlasPer::kMesh, AtlasPer::kMaterial, AtlasPer::kGroup}}
       .AddTo(app, "--atlas-per", arguments.atlas_per, "What gets an atlas of its own, see below [one for all of a job]")
       ->excludes("--one-atlas");
-  Choices<AtlasLayout>{{AtlasLayout::kUdim, AtlasLayout::kStacked}}.AddTo(
-      app, "--atlas-layout", arguments.options.atlas_layout,
-      "Where these go: udim, into tiles of their own; stacked, one over the other, as textures of their own [udim]");
 }
 
 // "skin=2"; the name may have equals signs.
@@ -143,13 +141,6 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
          },
          "Where to cut: auto, needed, keep or none, and sources of given seams (uv, hard, ...) [auto]")
       ->type_name("LIST");
-  Choices<Prefer>{{Prefer::kSeams, Prefer::kTexture}}.AddTo(
-      app, "--prefer", arguments.options.prefer,
-      "What auto cuts for: seams, few, short and hidden ones; texture, charts that pack well, more of them [texture]");
-  app.add_option("--max-stretch", arguments.options.max_stretch,
-                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05, with --prefer=seams 1.25]")
-      ->check(CLI::Range(1.001, 100.0).description(""))
-      ->type_name("X");
 }
 
 // Flags that are given count more than those of a preset.
@@ -186,7 +177,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   UnwrapOptions& options = arguments.options;
   AddOutput(unwrap, arguments, /*takes_batch=*/true);
   AddSeams(unwrap, arguments);
-  AddAtlasSize(unwrap, arguments);
+  AddOptionsOfGroup(unwrap, options, "");
   AddReport(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
   AddJson(unwrap, arguments);
@@ -203,15 +194,9 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddPreview(unwrap, arguments);
 
   unwrap.option_defaults()->group("Atlas");
-  AddPacking(unwrap, arguments);
+  AddOptionsOfGroup(unwrap, options, "Atlas");
   AddAtlases(unwrap, arguments);
   AddWeights(unwrap, arguments, "charts");
-  unwrap
-      .add_option_function<std::string>(
-          "--pack", [&options](const std::string& word) { options.pack = word == "on"; },
-          "Move charts into the tiles; off: leave them as solved, at the surface's scale, one over the other [on]")
-      ->check(CLI::IsMember({"on", "off"}).description(""))
-      ->type_name("on|off");
 
   unwrap.option_defaults()->group("Jobs");
   unwrap.add_flag(
@@ -222,40 +207,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddLabels(unwrap, arguments, "Label of the job, to find it again; may be repeated [file=the file's name]");
 
   unwrap.option_defaults()->group("Solver");
-  Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
-      unwrap, "--solver", options.solver.method, "Linear solver of a Newton step; direct: sparse Cholesky [auto]");
-  Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(
-      unwrap, "--system", options.solver.system,
-      "System it works on; full: the paper's M; reduced: its Schur complement [auto]");
-  Choices<Preconditioner>{{Preconditioner::kAuto, Preconditioner::kNone, Preconditioner::kJacobi,
-                           Preconditioner::kCholesky, Preconditioner::kAmg}}
-      .AddTo(unwrap, "--preconditioner", options.solver.preconditioner,
-             "Preconditioner of uzawa and minres; auto: multigrid, or Cholesky for small charts [auto]");
-  Choices<Hessian>{{Hessian::kAuto, Hessian::kConvex, Hessian::kExact}}.AddTo(
-      unwrap, "--hessian", options.solver.hessian,
-      "convex: convexified; exact: as it is, solved by MINRES; auto: convex far from the solution, exact near it "
-      "[auto]");
-  Choices<Boundary>{{Boundary::kFree, Boundary::kConvex}}.AddTo(
-      unwrap, "--boundary", options.boundary,
-      "Outline of the map; convex: a convex polygon, which never overlaps [free]");
-  Choices<Precision>{{Precision::kAuto, Precision::kFloat, Precision::kDouble}}.AddTo(
-      unwrap, "--precision", options.precision, "Type of the UV; auto: float where it keeps the map [auto]");
-  unwrap
-      .add_option("--tolerance", options.solver.tolerance,
-                  "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")
-      ->check(CLI::Range(1e-300, 1e-2).description(""))
-      ->type_name("RAD");
-  unwrap
-      .add_option("--max-newton-iterations", options.solver.max_newton_iterations,
-                  "Newton iterations at most, up to 1000 [100]")
-      ->check(CLI::Range(1, 1000).description(""))
-      ->type_name("N");
-  unwrap
-      .add_option("--threads", options.threads,
-                  "Threads to use, within the server's limit; never changes a byte [that limit; all cores without "
-                  "--server]")
-      ->check(CLI::Range(1, 256).description(""))
-      ->type_name("N");
+  AddOptionsOfGroup(unwrap, options, "Solver");
   AddTerminal(unwrap, arguments);
   AddProgress(unwrap, arguments);
 }
@@ -340,8 +292,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
       "file.");
   pack.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
   AddOutput(pack, arguments, /*takes_batch=*/false);
-  AddAtlasSize(pack, arguments);
-  AddPacking(pack, arguments);
+  AddOptions(pack, arguments.options, {"texture_size", "padding", "effort", "tiles"});
   pack.add_option_function<std::string>(
           "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
           "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
@@ -361,9 +312,8 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
   transfer.parse_complete_callback([&arguments] { arguments.command = Command::kTransfer; });
   transfer.footer(
       "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
-      "same triangles,\nin any order, as where TO was unwrapped elsewhere. Exit codes: 0 written, 1 the surfaces "
-      "differ "
-      "or TO has no UV, 2 bad usage\nor an unreadable file or image.");
+      "same triangles,\nin any order, as where TO was unwrapped elsewhere. With --project they need not. Exit codes: 0 "
+      "written, 1 the surfaces differ or\nTO has no UV, 2 bad usage or an unreadable file or image.");
   transfer.add_option("FROM", arguments.input, "Model with images: .gltf, .glb, or .obj with its material files")
       ->required()
       ->type_name("");
@@ -386,6 +336,14 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
           "Which set of FROM they replace [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
+  transfer.add_flag("--project", arguments.project,
+                    "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
+                    "FROM's colours and normals as images");
+  transfer
+      .add_option("--cage", arguments.cage_percent,
+                  "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
+      ->check(CLI::Range(0.001, 100.0).description(""))
+      ->type_name("PERCENT");
   AddImageLimits(transfer, arguments);
   AddJson(transfer, arguments);
   AddTerminal(transfer, arguments);

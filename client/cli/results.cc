@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/cli/field_json.h"
 #include "client/cli/text.h"
 
 namespace planish::cli {
@@ -25,78 +26,16 @@ std::string TimeText(Job::Time time) {
   return text;
 }
 
-Json ResidualJson(const Residual& residual) {
-  return {{"triangle", residual.triangle},
-          {"vertex", residual.vertex},
-          {"wheel", residual.wheel},
-          {"gradient", residual.gradient}};
+// Another key than the field's name.
+void Rename(const char* name, const char* key, Json* json) {
+  (*json)[key] = (*json)[name];
+  json->erase(name);
 }
 
 Json ProgressJson(const Progress& progress) {
-  return {{"stage", ToString(progress.stage)},
-          {"chart", progress.chart},
-          {"chart_count", progress.chart_count},
-          {"newton_iteration", progress.newton_iteration},
-          {"linear_iterations", progress.linear_iterations},
-          {"linear_residual", progress.linear_residual},
-          {"residual", ResidualJson(progress.residual)},
-          {"energy", progress.energy},
-          {"step_length", progress.step_length},
-          {"elapsed_seconds", progress.elapsed.count()},
-          {"tolerance", progress.tolerance},
-          {"stage_fraction", progress.stage_fraction}};
-}
-
-Json BoundaryJson(const BoundaryReport& boundary) {
-  return {{"type", ToString(boundary.boundary)},
-          {"vertices", boundary.vertices},
-          {"active", boundary.active},
-          {"set_changes", boundary.set_changes},
-          {"settled", boundary.settled}};
-}
-
-// Four digits are enough to draw.
-Json ResidualsJson(const std::vector<float>& residuals) {
-  Json json = Json::array();
-  for (const float residual : residuals) json.push_back(Json::parse(Significant(residual, 4)));
+  Json json = FieldsJson(progress);
+  Rename("elapsed", "elapsed_seconds", &json);
   return json;
-}
-
-Json ChartsJson(const std::vector<ChartReport>& charts) {
-  Json json = Json::array();
-  for (const ChartReport& chart : charts) {
-    json.push_back({{"chart", chart.chart},
-                    {"triangles", chart.triangles},
-                    {"method", chart.method},
-                    {"solver", ToString(chart.solver)},
-                    {"system", ToString(chart.system)},
-                    {"preconditioner", ToString(chart.preconditioner)},
-                    {"preconditioner_note", chart.preconditioner_note},
-                    {"hessian", ToString(chart.hessian)},
-                    {"converged", chart.converged},
-                    {"newton_iterations", chart.newton_iterations},
-                    {"linear_iterations", chart.linear_iterations},
-                    {"convexified_iterations", chart.convexified_iterations},
-                    {"indefinite_iterations", chart.indefinite_iterations},
-                    {"residual", ResidualJson(chart.residual)},
-                    {"newton_residuals", ResidualsJson(chart.newton_residuals)},
-                    {"stop_message", chart.stop_message},
-                    {"abf_energy", chart.abf_energy},
-                    {"barrier", chart.barrier},
-                    {"stretch_l2", chart.stretch_l2},
-                    {"boundary", BoundaryJson(chart.boundary)}});
-  }
-  return json;
-}
-
-Json TotalsJson(const ChartTotals& totals) {
-  return {{"charts", totals.charts},
-          {"not_converged", totals.not_converged},
-          {"newton_iterations", totals.newton_iterations},
-          {"linear_iterations", totals.linear_iterations},
-          {"residual", ResidualJson(totals.residual)},
-          {"newton_residuals", ResidualsJson(totals.newton_residuals)},
-          {"stretch_l2_max", totals.stretch_l2_max}};
 }
 
 constexpr int kFirstUdim = 1001;
@@ -108,52 +47,27 @@ std::string NameOf(const AtlasPart& part, const std::vector<std::string>& names)
 }
 
 Json AtlasJson(const Atlas& atlas, const std::vector<std::string>& names) {
-  Json json = {{"pack", atlas.pack ? "on" : "off"},
-               {"texture_size", atlas.texture_size},
-               {"padding", atlas.padding},
-               {"padding_kept", atlas.padding_kept},
-               {"tiles", atlas.tiles},
-               {"effort", ToString(atlas.effort)},
-               {"texels_per_unit", atlas.texels_per_unit}};
-  if (atlas.atlases.empty()) return json;
-  json["layout"] = ToString(atlas.layout);
-  json["atlases"] = Json::array();
-  for (const AtlasPart& part : atlas.atlases) {
-    Json entry = {{"atlas", part.atlas}};
-    if (const std::string name = NameOf(part, names); !name.empty()) entry["name"] = name;
-    entry.update({{"triangles", part.triangles},
-                  {"charts", part.charts},
-                  {"udim", kFirstUdim + part.first_tile},
-                  {"tiles", part.tiles},
-                  {"texels_per_unit", part.texels_per_unit},
-                  {"packing_efficiency", part.packing_efficiency}});
-    json["atlases"].push_back(entry);
+  Json json = FieldsJson(atlas);
+  if (atlas.atlases.empty()) {
+    json.erase("layout");
+    json.erase("atlases");
+    return json;
+  }
+  for (std::size_t i = 0; i < atlas.atlases.size(); ++i) {
+    Json& entry = json["atlases"][i];
+    if (const std::string name = NameOf(atlas.atlases[i], names); !name.empty()) entry["name"] = name;
+    Rename("first_tile", "udim", &entry);
+    entry["udim"] = kFirstUdim + atlas.atlases[i].first_tile;
   }
   return json;
 }
 
-Json QualityJson(const Quality& quality) {
-  return {{"flipped", quality.flipped},
-          {"degenerate", quality.degenerate},
-          {"overlapping", quality.overlapping},
-          {"angle_error_mean_deg", quality.angle_error_mean_deg},
-          {"angle_error_max_deg", quality.angle_error_max_deg},
-          {"abf_energy", quality.abf_energy},
-          {"conformal_distortion_mean", quality.conformal_distortion_mean},
-          {"conformal_distortion_max", quality.conformal_distortion_max},
-          {"stretch_l2", quality.stretch_l2},
-          {"packing_efficiency", quality.packing_efficiency},
-          {"seam_length", quality.seam_length},
-          {"visible_seam_length", quality.visible_seam_length},
-          {"seam_turn_deg", quality.seam_turn_deg},
-          {"seam_symmetry", quality.seam_symmetry ? Json(*quality.seam_symmetry) : Json()}};
-}
-
 Json SecondsJson(const StageTimes& times) {
-  return {{"upload", times.upload.count()},     {"queue", times.queue.count()},   {"decode", times.decode.count()},
-          {"charts", times.charts.count()},     {"solve", times.solve.count()},   {"layout", times.layout.count()},
-          {"pack", times.pack.count()},         {"verify", times.verify.count()}, {"encode", times.encode.count()},
-          {"download", times.download.count()}, {"total", times.total.count()}};
+  Json json = FieldsJson(times);
+  json["upload"] = times.upload.count();
+  json["download"] = times.download.count();
+  json["total"] = times.total.count();
+  return json;
 }
 
 Json WarningsJson(const std::vector<Warning>& warnings) {
@@ -168,13 +82,10 @@ Json WarningsJson(const std::vector<Warning>& warnings) {
 
 void AddReport(const Report& report, Json& json, const std::vector<std::string>& atlas_names = {}) {
   json["input"] = {{"triangles", report.triangles}, {"vertices", report.vertices}};
-  json["charts"] = ChartsJson(report.charts);
-  json["chart_totals"] = TotalsJson(report.chart_totals);
+  json.update(FieldsJson(report));
+  for (Json& chart : json["charts"]) Rename("boundary", "type", &chart["boundary"]);
   json["atlas"] = AtlasJson(report.atlas, atlas_names);
-  json["quality"] = QualityJson(report.quality);
   json["seconds"] = SecondsJson(report.times);
-  json["peak_memory_bytes"] = report.peak_memory_bytes;
-  json["threads"] = report.threads;
   json["warnings"] = WarningsJson(report.warnings);
 }
 

@@ -1,6 +1,7 @@
 // planish transfer: the images of one file in the map of another.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cstdint>
 #include <iostream>
@@ -14,6 +15,7 @@
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
+#include "client/files/surface_projection.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -86,10 +88,68 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
     throw Error(ErrorCode::kInvalidArgument, "SURFACES_DIFFER",
                 Counted(missing, "triangle", "triangles") + " of " + to.path() + " " + (missing == 1 ? "is" : "are") +
                     " not in " + from.path() + ", the first of " + to.Place("face", to.PolygonOf(first_missing)) +
-                    ": both files must have the same triangles, in any order",
+                    ": both files must have the same triangles, in any order; --project moves images between surfaces that only "
+                    "lie close",
                 {{"count", std::to_string(missing)}});
   }
   return result;
+}
+
+// Texels that may be missed before a warning says so.
+constexpr double kManyMissed = 0.005;
+
+int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.input}, 0);
+  const MeshInput to(arguments.more_inputs, arguments.texcoord);
+  if (to.CornerTexcoords().empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are where the images go");
+  }
+  TextureArguments limits = arguments.textures;
+  limits.textures = Textures::kDrop;  // those that TO may have are replaced
+  OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
+  std::atomic<bool> is_stopped = false;
+  output.textures.stop = &is_stopped;
+  SurfaceProjectionOptions options;
+  options.cage = arguments.cage_percent / 100;
+  if (arguments.options.texture_size != 0) options.size = arguments.options.texture_size;
+  interrupts.SetCancel([&is_stopped] { is_stopped = true; });
+  const absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
+  interrupts.SetCancel([] {});  // all files or none
+  if (!projected.ok()) throw ErrorFrom(projected.status());
+  for (const OutputFile& file : projected->written.files) WriteOutput(file.path, file.bytes);
+  interrupts.SetCancel({});
+  interrupts.LeaveIfInterrupted();
+  const double missed =
+      static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
+  std::vector<OutputWarning> warnings;
+  if (missed > kManyMissed) {
+    warnings.push_back({"PROJECTION_MISSED", Significant(100 * missed, 2) + " % of the texels found nothing of " + from.path() +
+                                                 " within the cage, and have the colours of their neighbours; --cage "
+                                                 "makes it wider"});
+  }
+  if (!arguments.quiet) {
+    for (const OutputWarning& warning : warnings) {
+      std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
+    }
+    std::cerr << Printable(to.path(), true) + " shows the " +
+                     (projected->has_colors ? "colours and normals" : "normals") + " of " +
+                     Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".\n";
+  }
+  if (arguments.json) {
+    Json json = {{"triangles", to.mesh().faces.size()},
+                 {"texels", projected->texels},
+                 {"missed", projected->missed},
+                 {"colors", projected->has_colors},
+                 {"seconds", {{"total", timer.Seconds()}}}};
+    json["files"] = Json::array();
+    for (const OutputFile& file : projected->written.files) json["files"].push_back(file.path);
+    json["warnings"] = Json::array();
+    for (const OutputWarning& warning : warnings) {
+      json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
+    }
+    std::cout << ToText(json) << std::flush;
+  }
+  return kOk;
 }
 
 int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
@@ -140,7 +200,8 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
 }  // namespace
 
 int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
-  return TransferFile(arguments, interrupts, Timer());
+  return arguments.project ? ProjectFile(arguments, interrupts, Timer())
+                           : TransferFile(arguments, interrupts, Timer());
 }
 
 }  // namespace planish::cli

@@ -93,7 +93,7 @@ UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
     }
     options.precision = Precision::kFloat;
   }
-  if (options.texture_size == 0) options.texture_size = texture_side_;
+  if (options.texture_size == 0 && options.texels_per_unit == 0) options.texture_size = texture_side_;
   return options;
 }
 

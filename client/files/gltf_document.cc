@@ -223,7 +223,7 @@ std::string GltfName(const Json& object, const char* kind, std::int64_t index) {
   return std::string(kind) + "_" + std::to_string(index);
 }
 
-absl::StatusOr<std::string> GlbBytes(const Json& json, const std::string& buffer, const std::string& other_chunks) {
+absl::StatusOr<std::string> GlbBytes(const Json& json, std::string buffer, const std::string& other_chunks) {
   std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
   text.resize((text.size() + 3) / 4 * 4, ' ');
   const std::size_t padding = (4 - buffer.size() % 4) % 4;
@@ -233,21 +233,21 @@ absl::StatusOr<std::string> GlbBytes(const Json& json, const std::string& buffer
     return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE",
                      "a GLB cannot be larger than 4 GiB; write .gltf instead");
   }
-  std::string bytes;
-  bytes.reserve(size);
-  AppendLittleEndian32(kGlbMagic, &bytes);
-  AppendLittleEndian32(2, &bytes);
-  AppendLittleEndian32(size, &bytes);
-  AppendLittleEndian32(text.size(), &bytes);
-  AppendLittleEndian32(kJsonChunk, &bytes);
-  bytes += text;
+  std::string head;
+  AppendLittleEndian32(kGlbMagic, &head);
+  AppendLittleEndian32(2, &head);
+  AppendLittleEndian32(size, &head);
+  AppendLittleEndian32(text.size(), &head);
+  AppendLittleEndian32(kJsonChunk, &head);
+  head += text;
   if (!buffer.empty()) {
-    AppendLittleEndian32(buffer.size() + padding, &bytes);
-    AppendLittleEndian32(kBinChunk, &bytes);
-    bytes += buffer;
-    bytes.append(padding, '\0');
+    AppendLittleEndian32(buffer.size() + padding, &head);
+    AppendLittleEndian32(kBinChunk, &head);
+    buffer.append(padding, '\0');
   }
-  return bytes + other_chunks;
+  buffer.insert(0, head);
+  buffer += other_chunks;
+  return buffer;
 }
 
 namespace {

@@ -58,8 +58,9 @@ const Json* GltfObject(const Json& object, const char* key);
 // The string `key`, or a name made of kind and index.
 std::string GltfName(const Json& object, const char* kind, std::int64_t index);
 
-// The bytes of a GLB from its JSON and its buffer. RESOURCE_EXHAUSTED FILE_TOO_LARGE: above 4 GiB.
-absl::StatusOr<std::string> GlbBytes(const Json& json, const std::string& buffer, const std::string& other_chunks);
+// The bytes of a GLB from its JSON and its buffer, not copied if `buffer` has room for the rest. RESOURCE_EXHAUSTED
+// FILE_TOO_LARGE: above 4 GiB.
+absl::StatusOr<std::string> GlbBytes(const Json& json, std::string buffer, const std::string& other_chunks);
 
 // The bytes of a URI: a data URI, or at most `size` bytes of a file beside document.path. `element` is for messages.
 // FILE_MALFORMED, FILE_UNREADABLE; FILE_UNSUPPORTED for URIs with another scheme and for absolute paths.

@@ -3,6 +3,10 @@
 #include <cmath>
 #include <string_view>
 
+#include "client/files/gltf_accessor.h"
+#include "client/files/texture_files.h"
+#include "core/base/status_macros.h"
+
 namespace planish {
 namespace {
 
@@ -125,6 +129,112 @@ std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index) {
     FindUses(root, *material, Json::json_pointer(), is_opaque, &uses);
   }
   return uses;
+}
+
+namespace {
+
+// Takes the elements `gone` out of the root's array `key`, and the array if nothing is left. Returns the new index of
+// each that stays.
+std::vector<std::int64_t> TakeOut(const std::vector<bool>& gone, const char* key, Json* root) {
+  std::vector<std::int64_t> index(gone.size(), -1);
+  Json left = Json::array();
+  for (std::size_t i = 0; i < gone.size(); ++i) {
+    if (gone[i]) continue;
+    index[i] = static_cast<std::int64_t>(left.size());
+    left.push_back((*root)[key][i]);
+  }
+  if (left.empty()) {
+    root->erase(key);
+  } else {
+    (*root)[key] = std::move(left);
+  }
+  return index;
+}
+
+std::size_t SizeOf(const Json& root, const char* key) {
+  const auto array = root.find(key);
+  return array == root.end() || !array->is_array() ? 0 : array->size();
+}
+
+}  // namespace
+
+void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch) {
+  Json& root = patch->json();
+  const auto num_textures = static_cast<std::int64_t>(SizeOf(root, "textures"));
+  const auto num_images = static_cast<std::int64_t>(SizeOf(root, "images"));
+  if (patch->has_unknown_indices()) return;
+  std::vector<bool> gone(static_cast<std::size_t>(num_textures), false);
+  for (const std::int64_t texture : textures) {
+    if (texture >= 0 && texture < num_textures) gone[static_cast<std::size_t>(texture)] = true;
+  }
+  const auto num_materials = static_cast<std::int64_t>(SizeOf(root, "materials"));
+  std::vector<std::vector<GltfTextureUse>> uses;
+  for (std::int64_t m = 0; m < num_materials; ++m) {
+    uses.push_back(TextureUses(root, m));
+    for (const GltfTextureUse& use : uses.back()) {
+      if (use.texture >= 0 && use.texture < num_textures) gone[static_cast<std::size_t>(use.texture)] = false;
+    }
+  }
+  // Images of textures that go, and of none that stays.
+  std::vector<bool> image_gone(static_cast<std::size_t>(num_images), false);
+  for (const bool is_gone : {true, false}) {
+    for (std::int64_t t = 0; t < num_textures; ++t) {
+      if (gone[static_cast<std::size_t>(t)] != is_gone) continue;
+      for (const GltfTextureSource& source : TextureSources(root, t)) {
+        if (source.image >= 0 && source.image < num_images)
+          image_gone[static_cast<std::size_t>(source.image)] = is_gone;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < image_gone.size(); ++i) {
+    if (image_gone[i]) patch->ReleaseView(Int(root["images"][i], "bufferView", -1));
+  }
+  std::vector<std::vector<GltfTextureSource>> sources;
+  for (std::int64_t t = 0; t < num_textures; ++t) sources.push_back(TextureSources(root, t));
+  const std::vector<std::int64_t> new_image = TakeOut(image_gone, "images", &root);
+  for (std::size_t t = 0; t < sources.size(); ++t) {
+    for (const GltfTextureSource& source : sources[t]) {
+      if (gone[t] || source.image < 0 || source.image >= num_images) continue;
+      Json& texture = root["textures"][t];
+      Json& holder = source.extension.empty() ? texture : texture["extensions"][source.extension];
+      holder["source"] = new_image[static_cast<std::size_t>(source.image)];
+    }
+  }
+  const std::vector<std::int64_t> new_texture = TakeOut(gone, "textures", &root);
+  for (std::size_t m = 0; m < uses.size(); ++m) {
+    for (const GltfTextureUse& use : uses[m]) {
+      if (use.texture < 0 || use.texture >= num_textures) continue;
+      root["materials"][m][use.at]["index"] = new_texture[static_cast<std::size_t>(use.texture)];
+    }
+  }
+}
+
+std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture_index) {
+  constexpr std::int64_t kClampToEdge = 33071, kMirroredRepeat = 33648;
+  const Json* const texture = Element(root, "textures", texture_index);
+  const Json* const sampler = texture == nullptr ? nullptr : Element(root, "samplers", Int(*texture, "sampler", -1));
+  const auto wrap = [&](const char* key) {
+    const std::int64_t value = sampler == nullptr ? 0 : Int(*sampler, key, 0);
+    if (value == kClampToEdge) return TextureWrap::kClamp;
+    return value == kMirroredRepeat ? TextureWrap::kMirror : TextureWrap::kRepeat;
+  };
+  return {wrap("wrapS"), wrap("wrapT")};
+}
+
+absl::StatusOr<std::string> GltfImageBytes(const GltfDocument& document, std::int64_t image, bool allow_outside) {
+  const Json* const json = Element(document.json, "images", image);
+  const std::string element = "images[" + std::to_string(image) + "]";
+  if (json == nullptr) return GltfFault(document, element, "there is no such image");
+  if (const auto view = json->find("bufferView"); view != json->end()) {
+    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(document, *view, element + ".bufferView"));
+    return std::string(bytes);
+  }
+  const auto uri = json->find("uri");
+  if (uri == json->end() || !uri->is_string()) return GltfFault(document, element, "neither uri nor bufferView");
+  const std::string& text = uri->get_ref<const std::string&>();
+  if (IsDataUri(text)) return LoadGltfUri(document, element, text, 0);
+  PLANISH_ASSIGN_OR_RETURN(const std::string name, FileOfUri(document, element, text));
+  return ReadImageFile(document.path, name, allow_outside);
 }
 
 }  // namespace planish

@@ -3,10 +3,13 @@
 
 #include <array>
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "client/files/gltf_document.h"
+#include "client/files/gltf_patch.h"
 #include "client/texture/texture_baker.h"
 
 namespace planish {
@@ -36,6 +39,16 @@ struct GltfTextureSource {
   std::string extension;  // empty: the texture's own source
 };
 std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture);
+
+// Removes those of `textures` that no material refers to, and the images that only they read, with their bytes. Nothing
+// if an extension that we do not know may refer to them (GltfPatch::has_unknown_indices).
+void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch);
+
+// How a texture's sampler repeats it, along u and v.
+std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture);
+
+// The bytes of images[image]: in a buffer, a data URI or a file. Errors of the document and of files; IMAGE_OUTSIDE.
+absl::StatusOr<std::string> GltfImageBytes(const GltfDocument& document, std::int64_t image, bool allow_outside);
 
 // The image's name, its file's name, or "image 3".
 std::string GltfImageName(const Json& root, std::int64_t image);

@@ -1,6 +1,7 @@
 #include "client/files/gltf_patch.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "client/files/gltf_mesh.h"
 
@@ -52,6 +53,7 @@ GltfPatch::GltfPatch(const GltfDocument& document) : document_(document), json_(
 // Any whole number inside an unknown extension may be an index of either kind.
 void GltfPatch::CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses) {
   if (value.is_number_integer()) {
+    has_unknown_indices_ = true;
     Count(value.get<std::int64_t>(), uses);
   } else if (value.is_structured()) {
     for (const auto& [key, child] : value.items()) {
@@ -118,8 +120,7 @@ void GltfPatch::CountUses() {
   });
 }
 
-void GltfPatch::ReleaseView(const Json& user) {
-  const std::int64_t view = IndexAt(user, "bufferView");
+void GltfPatch::ReleaseView(std::int64_t view) {
   if (view < 0 || view >= static_cast<std::int64_t>(view_uses_.size())) return;
   if (--view_uses_[static_cast<std::size_t>(view)] > 0) return;
   free_views_.push_back(view);
@@ -127,11 +128,11 @@ void GltfPatch::ReleaseView(const Json& user) {
 }
 
 void GltfPatch::ReleaseViews(const Json& accessor) {
-  ReleaseView(accessor);
+  ReleaseView(IndexAt(accessor, "bufferView"));
   const Json* const sparse = GltfObject(accessor, "sparse");
   if (sparse == nullptr) return;
   for (const char* part : {"indices", "values"}) {
-    if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(*object);
+    if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(IndexAt(*object, "bufferView"));
   }
 }
 
@@ -152,6 +153,20 @@ void GltfPatch::DropFreeAccessors() {
   while (!free_accessors_.empty() && free_accessors_.back() + 1 == static_cast<std::int64_t>(accessors.size())) {
     accessors.erase(accessors.size() - 1);
     free_accessors_.pop_back();
+  }
+}
+
+// Likewise. Those that stay share a byte.
+void GltfPatch::DropFreeViews() {
+  Json& views = json_["bufferViews"];
+  std::size_t last = 0;  // of the descending list
+  while (last < free_views_.size() && free_views_[last] + 1 == static_cast<std::int64_t>(views.size())) {
+    views.erase(views.size() - 1);
+    ++last;
+  }
+  free_views_.erase(free_views_.begin(), free_views_.begin() + static_cast<std::ptrdiff_t>(last));
+  for (const std::int64_t view : free_views_) {
+    views[static_cast<std::size_t>(view)] = {{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 1}};
   }
 }
 
@@ -200,7 +215,7 @@ std::int64_t GltfPatch::Replace(std::int64_t old, std::int64_t uses, const Json&
 }
 
 std::int64_t GltfPatch::AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target) {
-  if (old_view >= 0) ReleaseView(Json{{"bufferView", old_view}});
+  ReleaseView(old_view);
   Json& views = json_["bufferViews"];
   std::int64_t view = static_cast<std::int64_t>(views.size());
   if (free_views_.empty()) {
@@ -221,6 +236,7 @@ std::int64_t GltfPatch::AddView(std::int64_t old_view, std::string bytes, std::i
 
 std::string GltfPatch::TakeBuffer() {
   DropFreeAccessors();
+  DropFreeViews();
   Json& views = json_["bufferViews"];
   // The used ranges of each old buffer. No view extends beyond the range that it is in; views may overlap.
   struct Range {
@@ -229,7 +245,10 @@ std::string GltfPatch::TakeBuffer() {
   };
   std::vector<std::vector<Range>> ranges(document_.buffers.size());
   for (std::size_t v = 0; v < views.size(); ++v) {
-    if (new_views_.contains(static_cast<std::int64_t>(v))) continue;
+    if (new_views_.contains(static_cast<std::int64_t>(v)) ||
+        std::binary_search(free_views_.begin(), free_views_.end(), static_cast<std::int64_t>(v), std::greater<>())) {
+      continue;
+    }
     Json& view = views[v];
     const std::int64_t buffer = IndexAt(view, "buffer");
     if (buffer < 0 || buffer >= static_cast<std::int64_t>(ranges.size())) continue;
@@ -239,6 +258,14 @@ std::string GltfPatch::TakeBuffer() {
     ranges[static_cast<std::size_t>(buffer)].push_back({begin, begin + length, v});
   }
   std::string result;
+  // With room for what a GLB has beside it (GlbBytes). Memory that is not written to costs nothing.
+  constexpr std::size_t kRoom = 1 << 20;
+  std::size_t most = kRoom;
+  for (const auto& list : ranges) {
+    for (const Range& range : list) most += static_cast<std::size_t>(range.end - range.begin) + 2 * kAlignment;
+  }
+  for (const auto& [v, bytes] : new_views_) most += bytes.size() + kAlignment;
+  result.reserve(most);
   for (std::size_t b = 0; b < ranges.size(); ++b) {
     std::sort(ranges[b].begin(), ranges[b].end(),
               [](const Range& x, const Range& y) { return x.begin != y.begin ? x.begin < y.begin : x.view < y.view; });
@@ -251,8 +278,8 @@ std::string GltfPatch::TakeBuffer() {
         copied_to = range.begin;
       }
       if (range.end > copied_to) {
-        result += document_.buffers[b].substr(static_cast<std::size_t>(copied_to),
-                                              static_cast<std::size_t>(range.end - copied_to));
+        result.append(document_.buffers[b], static_cast<std::size_t>(copied_to),
+                      static_cast<std::size_t>(range.end - copied_to));
         copied_to = range.end;
       }
       Json& view = views[range.view];
@@ -261,11 +288,13 @@ std::string GltfPatch::TakeBuffer() {
       view["byteLength"] = range.end - range.begin;
     }
   }
-  for (const auto& [v, bytes] : new_views_) {
+  for (auto& [v, bytes] : new_views_) {
     Pad(&result, 0);
     views[static_cast<std::size_t>(v)]["byteOffset"] = result.size();
     result += bytes;
+    bytes = std::string();
   }
+  if (result.empty() && !free_views_.empty()) result.resize(1);
   // The merged buffer keeps the first one's name and extras.
   Json& buffers = ArrayAt(json_, "buffers");
   if (buffers.empty()) buffers.push_back(Json::object());

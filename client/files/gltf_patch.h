@@ -33,6 +33,11 @@ class GltfPatch {
   // Removes one use of `old_view` (-1: none) and puts `bytes` into a view. Returns its index.
   std::int64_t AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target);
 
+  // Removes one use of view `old` (-1: none), and its bytes if there are no other uses.
+  void ReleaseView(std::int64_t old);
+  // Whether an unknown extension has whole numbers, which may be indices of anything.
+  bool has_unknown_indices() const { return has_unknown_indices_; }
+
   // Lays out the single buffer of the edited document: first the old bytes still in use, unchanged and with the same
   // alignment, then the new ones. json() then has offsets and lengths, and a buffer without a URI.
   std::string TakeBuffer();
@@ -41,14 +46,15 @@ class GltfPatch {
   void CountUses();
   void CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses);
   std::int64_t SlotFor(std::int64_t old, std::int64_t uses);
-  void ReleaseView(const Json& user);
   void ReleaseViews(const Json& accessor);
   void DropFreeAccessors();
+  void DropFreeViews();
 
   const GltfDocument& document_;
   Json json_;
   std::vector<std::int64_t> accessor_uses_;
   std::vector<std::int64_t> view_uses_;
+  bool has_unknown_indices_ = false;
   std::vector<std::int64_t> free_views_;      // descending: the first one is taken first
   std::vector<std::int64_t> free_accessors_;  // released and not reused yet
   std::map<std::int64_t, std::string> new_views_;

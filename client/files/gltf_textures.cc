@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "client/files/file_io.h"
 #include "client/files/gltf_attribute.h"
 #include "client/texture/tangents.h"
 #include "core/base/error.h"
@@ -182,19 +181,7 @@ std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) c
 }
 
 absl::StatusOr<std::string> GltfTextures::ImageBytes(std::int64_t image) const {
-  const Json* const json = ElementOf(root_, "images", image);
-  const std::string element = "images[" + std::to_string(image) + "]";
-  if (json == nullptr || !json->is_object()) return GltfFault(gltf_.document, element, "there is no such image");
-  if (const auto view = json->find("bufferView"); view != json->end()) {
-    PLANISH_ASSIGN_OR_RETURN(const std::string_view bytes, ViewBytes(gltf_.document, *view, element + ".bufferView"));
-    return std::string(bytes);
-  }
-  const auto uri = json->find("uri");
-  if (uri == json->end() || !uri->is_string()) return GltfFault(gltf_.document, element, "neither uri nor bufferView");
-  const std::string& text = uri->get_ref<const std::string&>();
-  if (IsDataUri(text)) return LoadGltfUri(gltf_.document, element, text, 0);
-  PLANISH_ASSIGN_OR_RETURN(const std::string name, FileOfUri(gltf_.document, element, text));
-  return ReadImageFile(gltf_.document.path, name, options_.textures.allow_outside);
+  return GltfImageBytes(gltf_.document, image, options_.textures.allow_outside);
 }
 
 absl::Status GltfTextures::Check() const {
@@ -508,7 +495,7 @@ absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std:
     absl::StatusOr<std::string> bytes = ImageBytes(reading.image);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     PLANISH_RETURN_IF_ERROR(FillTriangles(uv, tangents, &reading));
-    bytes = BakeImage(*bytes, reading.bake, options_.textures, &written->warnings);
+    bytes = BakeImage(*std::move(bytes), reading.bake, options_.textures, &written->warnings);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     reading.bake = TextureBake();
     PutImage(static_cast<std::size_t>(reading.slot), reading, *std::move(bytes), &names, patch, written);
@@ -537,20 +524,24 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
 }
 
 void GltfTextures::Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const {
-  std::set<std::int64_t> done;
+  std::set<std::int64_t> done, textures;
   for (const Group& group : groups_) {
     if (!done.insert(group.material).second) continue;
     Json& material = patch->json()["materials"][static_cast<std::size_t>(group.material)];
     std::string names;
     for (const GltfTextureUse& use : group.uses) {
       material[use.at.parent_pointer()].erase(use.at.back());
+      textures.insert(use.texture);
       names += (names.empty() ? "" : ", ") + use.slot + " (" + use.name + ")";
     }
     warnings->push_back({"TEXTURE_DROPPED", "material " + GltfName(material, "material", group.material) +
                                                 " no longer has " + names +
                                                 ", which it read with the UV that were replaced"});
   }
-  ForgetExtension(&patch->json(), kTransform);
+  RemoveUnreadTextures(textures, patch);
+  for (const char* name : {kTransform, "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"}) {
+    ForgetExtension(&patch->json(), name);
+  }
 }
 
 }  // namespace planish

@@ -63,12 +63,12 @@ class GltfUvWriter {
     } else if (options_.textures.mode == TextureMode::kDrop) {
       textures_.Drop(&patch_, &moved.warnings);
     }
-    const std::string buffer = patch_.TakeBuffer();
+    std::string buffer = patch_.TakeBuffer();
     Json& json = patch_.json();
     PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
     const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
                           !IsDataUri((*buffers)[0]["uri"].get_ref<const std::string&>());
-    PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfFiles(std::move(json), buffer, gltf_.document.indent,
+    PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfFiles(std::move(json), std::move(buffer), gltf_.document.indent,
                                                             gltf_.document.other_chunks, had_file, options_));
     written.files.insert(written.files.begin(), std::make_move_iterator(moved.files.begin()),
                          std::make_move_iterator(moved.files.end()));
@@ -424,19 +424,19 @@ void FlippedUv::Check(const std::vector<std::int64_t>& corners, std::vector<Outp
                            "that counts downwards, as glTF has it; write an OBJ or PLY to keep them"});
 }
 
-absl::StatusOr<WrittenMesh> GltfFiles(Json json, const std::string& buffer, int indent, const std::string& other_chunks,
+absl::StatusOr<WrittenMesh> GltfFiles(Json json, std::string buffer, int indent, const std::string& other_chunks,
                                       bool external_buffer, const OutputOptions& options) {
   WrittenMesh written;
   if (buffer.empty()) json.erase("buffers");
   if (options.format == MeshFormat::kGlb) {
-    PLANISH_ASSIGN_OR_RETURN(std::string bytes, GlbBytes(json, buffer, other_chunks));
+    PLANISH_ASSIGN_OR_RETURN(std::string bytes, GlbBytes(json, std::move(buffer), other_chunks));
     written.files.push_back({options.path, std::move(bytes)});
     return written;
   }
   if (!buffer.empty() && external_buffer && options.path != "-") {
     const std::filesystem::path path = std::filesystem::path(options.path).replace_extension(".bin");
     json["buffers"][0]["uri"] = UriOfFileName(path.filename().string());
-    written.files.push_back({path.string(), buffer});
+    written.files.push_back({path.string(), std::move(buffer)});
   } else if (!buffer.empty()) {
     json["buffers"][0]["uri"] = DataUri(buffer);
   }

@@ -42,6 +42,7 @@ absl::Status Parse(const ReadOptions& options, MeshFile* file) {
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
       mesh = ReadGltf(file->path, file->bytes, options.texcoord, &file->gltf);
+      if (file->format == MeshFormat::kGlb) file->bytes = std::string();  // images make such files large
       break;
     case MeshFormat::kDraco:
       mesh = ReadDracoFile(file->path, file->bytes);

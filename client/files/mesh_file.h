@@ -31,7 +31,7 @@ inline constexpr char kStandardInput[] = "standard input";
 struct MeshFile {
   std::string path;
   MeshFormat format = MeshFormat::kObj;
-  std::string bytes;  // the file as read
+  std::string bytes;  // the file as read; empty for kGlb, whose parts are in `gltf`
   PolygonMesh mesh;
   std::shared_ptr<const GltfMesh> gltf;  // the parsed file, for kGltf and kGlb; null otherwise
 };

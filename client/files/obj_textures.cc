@@ -390,7 +390,7 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
       if (LooksLikeNormals(*image)) reading.bake.options.meaning = TextureMeaning::kNormal;
     }
     PLANISH_RETURN_IF_ERROR(FillTriangles(polygons, atlases, &reading));
-    bytes = BakeImage(*bytes, reading.bake, options_.textures, &written->warnings);
+    bytes = BakeImage(*std::move(bytes), reading.bake, options_.textures, &written->warnings);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     reading.bake = TextureBake();
     const std::string path = names.Next(reading.file, KindOfImage(*bytes).value_or(ImageKind::kPng));

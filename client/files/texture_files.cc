@@ -57,7 +57,7 @@ absl::Status WithTextureAdvice(const absl::Status& status) {
                    info.metadata);
 }
 
-absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBake& bake, const TextureOptions& options,
+absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
                                       std::vector<OutputWarning>* warnings) {
   PLANISH_ASSIGN_OR_RETURN(const ImageHeader old, ReadImageHeader(bytes, bake.name));
   ImageHeader header = old;
@@ -75,8 +75,9 @@ absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBak
     }
   }
   header.width = header.height = std::max(1, side);
-  const std::int64_t memory = static_cast<std::int64_t>(bytes.size()) + old.bytes() + TextureBaker::SourceBytes(old) +
-                              2 * header.bytes() + 2 * header.texels();
+  // The old image goes before the new one is there.
+  const std::int64_t memory = static_cast<std::int64_t>(bytes.size()) + TextureBaker::SourceBytes(old) +
+                              std::max(old.bytes(), 2 * header.bytes() + 2 * header.texels());
   if (options.memory > 0 && memory > options.memory) {
     return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
                      bake.name + ": resampling " + std::to_string(old.width) + " x " + std::to_string(old.height) +
@@ -86,10 +87,12 @@ absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBak
                      {{"image", bake.name}, {"bytes", std::to_string(memory)}});
   }
   PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, bake.name));
+  bytes = std::string();  // one image at a time may be large
   ThreadTeam team(std::max(1, options.threads));
   TextureBaker baker(header, &team);
   TextureSource source;
   source.image = &image;
+  source.spent = &image;
   source.wrap_u = bake.wrap_u;
   source.wrap_v = bake.wrap_v;
   source.nearest = bake.nearest;
@@ -105,7 +108,6 @@ absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBak
   result.header.kind = old.kind;
   result.is_lossless = image.is_lossless;
   result.color_chunks = std::move(image.color_chunks);
-  image.texels = {};
   return EncodeImage(result);
 }
 

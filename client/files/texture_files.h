@@ -32,7 +32,7 @@ struct TextureBake {
 
 // Decodes, resamples and encodes one image, in the same format with the same channels. Warns with TEXTURE_SIZE. Errors
 // of the image; RESOURCE_EXHAUSTED, TEXTURE_MEMORY; CANCELLED.
-absl::StatusOr<std::string> BakeImage(const std::string& bytes, const TextureBake& bake, const TextureOptions& options,
+absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
                                       std::vector<OutputWarning>* warnings);
 
 // Names of the new image files of one output, beside it: "OUTPUT_IMAGE.png", without repetitions.

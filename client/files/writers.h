@@ -55,7 +55,7 @@ class FlippedUv {
 
 // The file or files of a glTF document: .glb with `buffer` inside; .gltf with a data URI, or with a .bin beside it if
 // `external_buffer`.
-absl::StatusOr<WrittenMesh> GltfFiles(Json json, const std::string& buffer, int indent, const std::string& other_chunks,
+absl::StatusOr<WrittenMesh> GltfFiles(Json json, std::string buffer, int indent, const std::string& other_chunks,
                                       bool external_buffer, const OutputOptions& options);
 
 }  // namespace planish

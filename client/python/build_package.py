@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Makes the Python package out of its sources and the published protos. Needs no network.
 
-    build_package.py tree   OUT VERSION PROTOC GRPC_PYTHON_PLUGIN PROTO_DIR LICENSE
+    build_package.py tree   OUT VERSION PROTOC GRPC_PYTHON_PLUGIN PROTO_DIR LICENSE FIELDS
     build_package.py wheel  OUT
     build_package.py server WHEEL ROOT OUT
 
-`tree` writes OUT/tree: the sources with the modules that are made of the protos, ready to be imported. `wheel` makes OUT/dist/*.whl and
+`tree` writes OUT/tree: the sources with the modules that are made of the protos, ready to be imported; FIELDS is the one that
+`planish_fields python` writes. `wheel` makes OUT/dist/*.whl and
 OUT/dist/*.tar.gz of it, by setuptools. `server` makes in OUT, of that wheel and of a directory of deploy/relocatable.sh, the wheel for
 Linux on this architecture that brings the server.
 """
@@ -23,7 +24,7 @@ import zipfile
 # google/rpc is compiled under a name within this package: two packages with the same file under the same name cannot be
 # imported by one process, and other packages have Google's.
 RENAMED = (("google/rpc/", "planish/rpc/"), ("google.rpc", "planish.rpc"))
-MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
+MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/options.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
 SERVICE = "planish/v1/planish.proto"
 SOURCES = ("README.md", "pyproject.toml")
 
@@ -84,7 +85,7 @@ def messages_module(name: str, imports: "list[str]", file: bytes) -> str:
     )
 
 
-def make_tree(out: pathlib.Path, version: str, protoc: str, plugin: str, protos: pathlib.Path, license: str) -> None:
+def make_tree(out: pathlib.Path, version: str, protoc: str, plugin: str, protos: pathlib.Path, license: str, fields: str) -> None:
     here = pathlib.Path(__file__).parent
     tree, work = out / "tree", out / "protos"
     for directory in (tree, work):
@@ -94,6 +95,7 @@ def make_tree(out: pathlib.Path, version: str, protoc: str, plugin: str, protos:
         shutil.copy(here / name, tree)
     shutil.copy(license, tree / "LICENSE")
     shutil.copytree(here / "planish", tree / "planish", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(fields, tree / "planish/_job_fields.py")
     (tree / "planish/_version.py").write_text(f'"""Made by the build."""\n\n__version__ = "{version}"\n')
     for name in MESSAGES:
         target = work / renamed(name)
@@ -178,8 +180,8 @@ def make_server_wheel(pure: pathlib.Path, root: pathlib.Path, out: pathlib.Path)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["tree"] and len(sys.argv) == 8:
-        make_tree(pathlib.Path(sys.argv[2]), *sys.argv[3:6], pathlib.Path(sys.argv[6]), sys.argv[7])
+    if sys.argv[1:2] == ["tree"] and len(sys.argv) == 9:
+        make_tree(pathlib.Path(sys.argv[2]), *sys.argv[3:6], pathlib.Path(sys.argv[6]), *sys.argv[7:])
     elif sys.argv[1:2] == ["wheel"] and len(sys.argv) == 3:
         make_wheel(pathlib.Path(sys.argv[2]))
     elif sys.argv[1:2] == ["server"] and len(sys.argv) == 5:

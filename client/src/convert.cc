@@ -1,18 +1,27 @@
 #include "client/src/convert.h"
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
 #include <google/protobuf/util/time_util.h>
 
 #include <bit>
 #include <chrono>
 #include <cstring>
+#include <optional>
+#include <type_traits>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
 #include "core/base/trace_context.h"
+#include "made/fields.h"
 
 namespace planish {
 
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
 using google::protobuf::util::TimeUtil;
 
 Seconds SecondsFrom(const google::protobuf::Duration& duration) {
@@ -31,8 +40,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
 
-// The values of the enums below are those of the proto, counted from SOMETHING_AUTO = 1 on. A value that only a newer
-// server knows becomes one that ToString calls "unknown"; a missing value becomes `unspecified`.
+// The values of enums of options and reports are those of the proto, counted from SOMETHING_AUTO = 1 on (a test
+// compares the names). A value that only a newer server knows becomes one that ToString calls "unknown"; a missing
+// value becomes `unspecified`.
 template <typename Enum>
 Enum EnumFromProto(int value, Enum unspecified = Enum()) {
   return value == 0 ? unspecified : static_cast<Enum>(value - 1);
@@ -43,138 +53,88 @@ ProtoEnum EnumToProto(Enum value) {
   return static_cast<ProtoEnum>(static_cast<int>(value) + 1);
 }
 
-static_assert(static_cast<int>(Solver::kDirect) + 1 == v1::SOLVER_DIRECT);
-static_assert(static_cast<int>(System::kReduced) + 1 == v1::SYSTEM_REDUCED);
-static_assert(static_cast<int>(Preconditioner::kAmg) + 1 == v1::PRECONDITIONER_AMG);
-static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
-static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
-static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
-static_assert(static_cast<int>(Effort::kBest) + 1 == v1::EFFORT_BEST);
-static_assert(static_cast<int>(AtlasLayout::kStacked) + 1 == v1::ATLAS_LAYOUT_STACKED);
-static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
-static_assert(static_cast<int>(Prefer::kTexture) + 1 == v1::PREFER_TEXTURE);
 static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 
+// ---- Fields of a message to and from the members that stand for them (made/fields.h)
+
+template <typename Value>
+struct IsVector : std::false_type {};
+template <typename Value>
+struct IsVector<std::vector<Value>> : std::true_type {};
+template <typename Value>
+struct IsOptional : std::false_type {};
+template <typename Value>
+struct IsOptional<std::optional<Value>> : std::true_type {};
+
+template <typename Struct>
+Struct FieldsFrom(const Message& proto);
+
+// Leaves `value` alone if the field is an unset message or an unspecified enum.
+template <typename Value>
+void Read(const Message& proto, const FieldDescriptor& field, Value& value) {
+  const Reflection& reflection = *proto.GetReflection();
+  if constexpr (IsOptional<Value>::value) {
+    if (reflection.HasField(proto, &field)) Read(proto, field, value.emplace());
+  } else if constexpr (std::is_same_v<Value, std::vector<float>>) {
+    for (int i = 0; i < reflection.FieldSize(proto, &field); ++i) {
+      value.push_back(reflection.GetRepeatedFloat(proto, &field, i));
+    }
+  } else if constexpr (IsVector<Value>::value) {
+    for (int i = 0; i < reflection.FieldSize(proto, &field); ++i) {
+      value.push_back(FieldsFrom<typename Value::value_type>(reflection.GetRepeatedMessage(proto, &field, i)));
+    }
+  } else if constexpr (std::is_same_v<Value, Seconds>) {
+    value = SecondsFrom(static_cast<const google::protobuf::Duration&>(reflection.GetMessage(proto, &field)));
+  } else if constexpr (std::is_class_v<Value> && !std::is_same_v<Value, std::string>) {
+    if (reflection.HasField(proto, &field)) value = FieldsFrom<Value>(reflection.GetMessage(proto, &field));
+  } else if constexpr (std::is_same_v<Value, Stage>) {
+    value = static_cast<Stage>(reflection.GetEnumValue(proto, &field));
+  } else if constexpr (std::is_enum_v<Value>) {
+    value = EnumFromProto(reflection.GetEnumValue(proto, &field), value);
+  } else if constexpr (std::is_same_v<Value, bool>) {
+    const bool is_enum = field.enum_type() != nullptr;  // on = 1, off = 2
+    value = is_enum ? reflection.GetEnumValue(proto, &field) != 2 : reflection.GetBool(proto, &field);
+  } else if constexpr (std::is_same_v<Value, std::string>) {
+    value = reflection.GetString(proto, &field);
+  } else if constexpr (std::is_same_v<Value, double>) {
+    value = reflection.GetDouble(proto, &field);
+  } else if constexpr (std::is_same_v<Value, int>) {
+    value = reflection.GetInt32(proto, &field);
+  } else {
+    value = reflection.GetInt64(proto, &field);
+  }
+}
+
+template <typename Struct>
+Struct FieldsFrom(const Message& proto) {
+  Struct value;
+  EachField(value, [&](const Field& field, auto& member) {
+    Read(proto, *proto.GetDescriptor()->FindFieldByName(field.name), member);
+  });
+  return value;
+}
+
+template <typename Value>
+void Write(const Value& value, const FieldDescriptor& field, Message* proto) {
+  const Reflection& reflection = *proto->GetReflection();
+  if constexpr (IsOptional<Value>::value) {
+    if (value) Write(*value, field, proto);
+  } else if constexpr (std::is_same_v<Value, bool>) {
+    reflection.SetEnumValue(proto, &field, value ? 1 : 2);  // on, off
+  } else if constexpr (std::is_enum_v<Value>) {
+    reflection.SetEnumValue(proto, &field, static_cast<int>(value) + 1);
+  } else if constexpr (std::is_same_v<Value, double>) {
+    reflection.SetDouble(proto, &field, value);
+  } else {
+    reflection.SetInt32(proto, &field, value);
+  }
+}
+
 Scheduling FromProto(const v1::Scheduling& proto) {
   return {EnumFromProto(proto.priority(), Priority::kNormal), SecondsFrom(proto.timeout()),
           SecondsFrom(proto.compute_budget()), proto.fresh()};
-}
-
-UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
-  UnwrapOptions options;
-  options.seams = EnumFromProto(proto.seams(), Seams::kAuto);
-  options.prefer = EnumFromProto(proto.prefer(), Prefer::kTexture);
-  options.max_stretch = proto.max_stretch();
-  options.hard_edge_degrees = proto.hard_edge_degrees();
-  options.pack = proto.pack() != v1::PACK_OFF;
-  options.texture_size = proto.texture_size();
-  if (proto.has_padding()) options.padding = proto.padding();
-  options.tiles = proto.tiles();
-  options.effort = EnumFromProto(proto.effort(), Effort::kNormal);
-  options.atlas_layout = EnumFromProto(proto.atlas_layout(), AtlasLayout::kUdim);
-  options.boundary = EnumFromProto<Boundary>(proto.boundary());
-  options.precision = EnumFromProto<Precision>(proto.precision());
-  options.threads = proto.threads();
-  options.solver = {EnumFromProto<Solver>(proto.solver()),
-                    EnumFromProto<System>(proto.system()),
-                    EnumFromProto<Preconditioner>(proto.preconditioner()),
-                    EnumFromProto(proto.hessian(), Hessian::kAuto),
-                    proto.tolerance(),
-                    proto.max_newton_iterations()};
-  return options;
-}
-
-Residual FromProto(const v1::Residual& proto) {
-  return {proto.triangle(), proto.vertex(), proto.wheel(), proto.gradient()};
-}
-
-BoundaryReport FromProto(const v1::BoundaryReport& proto) {
-  return {EnumFromProto<Boundary>(proto.boundary()), proto.vertices(), proto.active(), proto.set_changes(),
-          proto.settled()};
-}
-
-ChartReport FromProto(const v1::ChartReport& proto) {
-  return {.triangles = proto.triangles(),
-          .method = proto.method(),
-          .solver = EnumFromProto<Solver>(proto.solver()),
-          .system = EnumFromProto<System>(proto.system()),
-          .preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner()),
-          .preconditioner_note = proto.preconditioner_note(),
-          .hessian = EnumFromProto<Hessian>(proto.hessian()),
-          .converged = proto.converged(),
-          .newton_iterations = proto.newton_iterations(),
-          .linear_iterations = proto.linear_iterations(),
-          .residual = FromProto(proto.residual()),
-          .convexified_iterations = proto.convexified_iterations(),
-          .indefinite_iterations = proto.indefinite_iterations(),
-          .stop_message = proto.stop_message(),
-          .abf_energy = proto.abf_energy(),
-          .barrier = proto.barrier(),
-          .boundary = proto.has_boundary() ? FromProto(proto.boundary()) : BoundaryReport(),
-          .stretch_l2 = proto.stretch_l2(),
-          .chart = proto.chart(),
-          .newton_residuals = {proto.newton_residuals().begin(), proto.newton_residuals().end()}};
-}
-
-ChartTotals FromProto(const v1::ChartTotals& proto) {
-  return {proto.charts(),
-          proto.not_converged(),
-          proto.newton_iterations(),
-          proto.linear_iterations(),
-          FromProto(proto.residual()),
-          proto.stretch_l2_max(),
-          {proto.newton_residuals().begin(), proto.newton_residuals().end()}};
-}
-
-Atlas FromProto(const v1::Atlas& proto) {
-  Atlas atlas = {proto.pack() != v1::PACK_OFF,
-                 proto.texture_size(),
-                 proto.padding(),
-                 proto.tiles(),
-                 proto.texels_per_unit(),
-                 EnumFromProto(proto.effort(), Effort::kNormal),
-                 EnumFromProto(proto.layout(), AtlasLayout::kUdim),
-                 {},
-                 proto.padding_kept()};
-  for (const v1::AtlasPart& part : proto.atlases()) {
-    atlas.atlases.push_back({part.atlas(), part.triangles(), part.charts(), part.first_tile(), part.tiles(),
-                             part.texels_per_unit(), part.packing_efficiency()});
-  }
-  return atlas;
-}
-
-Quality FromProto(const v1::Quality& proto) {
-  return {.flipped = proto.flipped(),
-          .degenerate = proto.degenerate(),
-          .overlapping = proto.overlapping(),
-          .angle_error_mean_deg = proto.angle_error_mean_deg(),
-          .angle_error_max_deg = proto.angle_error_max_deg(),
-          .abf_energy = proto.abf_energy(),
-          .conformal_distortion_mean = proto.conformal_distortion_mean(),
-          .conformal_distortion_max = proto.conformal_distortion_max(),
-          .stretch_l2 = proto.stretch_l2(),
-          .packing_efficiency = proto.packing_efficiency(),
-          .seam_length = proto.seam_length(),
-          .visible_seam_length = proto.visible_seam_length(),
-          .seam_turn_deg = proto.seam_turn_deg(),
-          .seam_symmetry = proto.has_seam_symmetry() ? std::optional(proto.seam_symmetry()) : std::nullopt};
-}
-
-Progress FromProto(const v1::Progress& proto) {
-  return {.stage = static_cast<Stage>(proto.stage()),
-          .chart = proto.chart(),
-          .chart_count = proto.chart_count(),
-          .newton_iteration = proto.newton_iteration(),
-          .linear_iterations = proto.linear_iterations(),
-          .linear_residual = proto.linear_residual(),
-          .residual = FromProto(proto.residual()),
-          .energy = proto.energy(),
-          .step_length = proto.step_length(),
-          .elapsed = SecondsFrom(proto.elapsed()),
-          .tolerance = proto.tolerance(),
-          .stage_fraction = proto.stage_fraction()};
 }
 
 template <typename Number>
@@ -184,40 +144,13 @@ std::vector<Number> Numbers(const std::string& bytes) {
   return numbers;
 }
 
-StageTimes FromProto(const v1::StageTimes& proto) {
-  return {.queue = SecondsFrom(proto.queue()),
-          .decode = SecondsFrom(proto.decode()),
-          .charts = SecondsFrom(proto.charts()),
-          .solve = SecondsFrom(proto.solve()),
-          .layout = SecondsFrom(proto.layout()),
-          .pack = SecondsFrom(proto.pack()),
-          .verify = SecondsFrom(proto.verify()),
-          .encode = SecondsFrom(proto.encode())};
-}
-
 }  // namespace
 
 v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   v1::UnwrapOptions proto;
-  proto.set_seams(EnumToProto<v1::Seams>(options.seams));
-  proto.set_solver(EnumToProto<v1::Solver>(options.solver.method));
-  proto.set_system(EnumToProto<v1::System>(options.solver.system));
-  proto.set_preconditioner(EnumToProto<v1::Preconditioner>(options.solver.preconditioner));
-  proto.set_hessian(EnumToProto<v1::Hessian>(options.solver.hessian));
-  proto.set_boundary(EnumToProto<v1::Boundary>(options.boundary));
-  proto.set_precision(EnumToProto<v1::Precision>(options.precision));
-  proto.set_tolerance(options.solver.tolerance);
-  proto.set_max_newton_iterations(options.solver.max_newton_iterations);
-  proto.set_threads(options.threads);
-  proto.set_prefer(EnumToProto<v1::Prefer>(options.prefer));
-  proto.set_max_stretch(options.max_stretch);
-  proto.set_hard_edge_degrees(options.hard_edge_degrees);
-  proto.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);
-  proto.set_texture_size(options.texture_size);
-  if (options.padding) proto.set_padding(*options.padding);
-  proto.set_tiles(options.tiles);
-  proto.set_effort(EnumToProto<v1::Effort>(options.effort));
-  proto.set_atlas_layout(EnumToProto<v1::AtlasLayout>(options.atlas_layout));
+  EachField(options, [&](const Field& field, const auto& member) {
+    Write(member, *proto.GetDescriptor()->FindFieldByName(field.name), &proto);
+  });
   return proto;
 }
 
@@ -231,16 +164,10 @@ v1::Scheduling ToProto(const Scheduling& scheduling) {
 }
 
 Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
-  Report report;
+  Report report = FieldsFrom<Report>(proto);
   report.triangles = proto.input().triangles();
   report.vertices = proto.input().vertices();
-  for (const v1::ChartReport& chart : proto.charts()) report.charts.push_back(FromProto(chart));
-  report.chart_totals = FromProto(proto.chart_totals());
-  report.atlas = FromProto(proto.atlas());
-  report.quality = FromProto(proto.quality());
-  report.times = FromProto(proto.times());
-  report.peak_memory_bytes = proto.peak_memory_bytes();
-  report.threads = proto.threads();
+  report.times = FieldsFrom<StageTimes>(proto.times());
   for (const v1::Warning& warning : proto.warnings()) {
     report.warnings.push_back(
         {warning.reason(), warning.message(),
@@ -254,13 +181,13 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   job.name = proto.name();
   job.state = static_cast<JobState>(proto.state());
   job.labels = {proto.labels().begin(), proto.labels().end()};
-  job.options = FromProto(proto.options());
+  job.options = FieldsFrom<UnwrapOptions>(proto.options());
   if (proto.has_create_time()) job.create_time = TimeFrom(proto.create_time());
   if (proto.has_start_time()) job.start_time = TimeFrom(proto.start_time());
   if (proto.has_end_time()) job.end_time = TimeFrom(proto.end_time());
   job.mesh_bytes = proto.mesh_bytes();
   job.queue_position = proto.queue_position();
-  if (proto.has_progress()) job.progress = FromProto(proto.progress());
+  if (proto.has_progress()) job.progress = FieldsFrom<Progress>(proto.progress());
   if (proto.has_error()) job.error = Renumbered(ErrorFrom(proto.error()), renumbering).set_job(proto.name());
   if (proto.has_report()) job.report = FromProto(proto.report(), renumbering);
   job.scheduling = FromProto(proto.scheduling());
@@ -280,7 +207,7 @@ Event FromProto(const v1::JobEvent& proto, const ids::Renumbering& renumbering) 
   event.time = TimeFrom(proto.time());
   event.skipped = proto.skipped();
   if (proto.has_job()) event.job = FromProto(proto.job(), renumbering);
-  if (proto.has_progress()) event.progress = FromProto(proto.progress());
+  if (proto.has_progress()) event.progress = FieldsFrom<Progress>(proto.progress());
   return event;
 }
 

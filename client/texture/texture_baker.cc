@@ -10,20 +10,27 @@
 
 #include "Eigen/Geometry"
 #include "client/texture/texture_levels.h"
+#include "client/texture/texture_raster.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
 namespace {
 
+using texture_internal::BandTexels;
+using texture_internal::Claim;
+using texture_internal::Cross;
+using texture_internal::HalfPlane;
+using texture_internal::kBandRows;
+using texture_internal::kRing;
+using texture_internal::NearestOnBorder;
+using texture_internal::RasterTriangle;
 using texture_internal::Rgba;
+using texture_internal::SetTarget;
 using texture_internal::TexelScale;
 using texture_internal::TextureLevel;
 using texture_internal::TextureLevels;
 
-constexpr int kBandRows = 32;
-// Texels from a triangle that are drawn with it: bilinear filters read as far as that.
-constexpr double kRing = 1.5;
 // Samples along the smaller axis of a footprint above which a mipmap is read, and the most along the larger one.
 constexpr double kMostMinorSamples = 4;
 constexpr double kMostMajorSamples = 64;
@@ -34,10 +41,6 @@ constexpr double kOverhang = 0.5;
 constexpr double kLinearBelow = 0.5;
 // UV beyond this say nothing: floats of that size have no fraction.
 constexpr double kLargestUv = 1e6;
-
-double Cross(const Vec2& a, const Vec2& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
 
 // Per corner k of each triangle whether the edge that it faces is whole in both maps: another triangle has the same UV
 // at both ends.
@@ -81,19 +84,8 @@ class WholeEdges {
   std::vector<bool> whole_;
 };
 
-// A line of an edge: inside where normal . p <= offset; the normal has length 1.
-struct HalfPlane {
-  Vec2 normal = Vec2(0, 0);
-  double offset = std::numeric_limits<double>::infinity();
-};
-
 // One triangle, in texels of both images.
-struct Footprint {
-  std::array<Vec2, 3> to;
-  std::array<HalfPlane, 3> edge;  // of `to`, opposite corner k
-  double area = 0;                // twice, positive
-  bool flipped = false;
-
+struct Footprint : RasterTriangle {
   Vec2 origin = Vec2(0, 0);                         // old texels at to[0]
   Vec2 along_x = Vec2(0, 0), along_y = Vec2(0, 0);  // old texels a new texel
   int level = 0;
@@ -106,34 +98,7 @@ struct Footprint {
   Vec2 centroid = Vec2(0, 0);      // in old texels
 
   Vec2 OldAt(const Vec2& p) const { return origin + (p.x() - to[0].x()) * along_x + (p.y() - to[0].y()) * along_y; }
-  std::array<double, 3> WeightsAt(const Vec2& p) const {
-    const double sign = flipped ? -1 : 1;
-    const double w0 = sign * Cross(to[1] - p, to[2] - p) / area, w1 = sign * Cross(to[2] - p, to[0] - p) / area;
-    return {w0, w1, 1 - w0 - w1};
-  }
 };
-
-// False if the triangle has no area in the new map.
-bool SetTarget(const TextureTriangle& triangle, const ImageHeader& header, Footprint* footprint) {
-  for (std::size_t k = 0; k < 3; ++k) {
-    footprint->to[k] = Vec2(triangle.to[k].x() * header.width, triangle.to[k].y() * header.height);
-    if (!(footprint->to[k].cwiseAbs().maxCoeff() < 1e7)) return false;
-  }
-  const double area = Cross(footprint->to[1] - footprint->to[0], footprint->to[2] - footprint->to[0]);
-  footprint->flipped = area < 0;
-  footprint->area = std::abs(area);
-  if (!(footprint->area > 0)) return false;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Vec2& a = footprint->to[(k + 1) % 3];
-    const Vec2 d = footprint->to[(k + 2) % 3] - a;
-    Vec2 normal = footprint->flipped ? Vec2(-d.y(), d.x()) : Vec2(d.y(), -d.x());
-    const double length = normal.norm();
-    if (!(length > 0)) return false;
-    normal /= length;
-    footprint->edge[k] = {normal, normal.dot(a)};
-  }
-  return true;
-}
 
 // UV as they are read: those that are no numbers are 0, and whole repeats do not matter.
 std::array<Vec2, 3> TameUv(const std::array<Vec2, 3>& uv, TextureWrap wrap_u, TextureWrap wrap_v) {
@@ -173,24 +138,6 @@ FootprintAxes AxesOf(const Vec2& along_x, const Vec2& along_y) {
   if (length > 0) axes.major = direction / length;
   axes.minor = Vec2(-axes.major.y(), axes.major.x());
   return axes;
-}
-
-struct BandTexels {
-  std::vector<std::int32_t> owner;  // into the list of the band; -1: nobody
-  std::vector<float> distance;      // squared, to the owner
-};
-
-// The point of the triangle's border that is nearest to `p`.
-Vec2 NearestOnBorder(const Footprint& footprint, const Vec2& p) {
-  Vec2 nearest = footprint.to[0];
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Vec2& a = footprint.to[k];
-    const Vec2 d = footprint.to[(k + 1) % 3] - a;
-    const double along = std::clamp((p - a).dot(d) / d.squaredNorm(), 0.0, 1.0);
-    const Vec2 point = a + along * d;
-    if ((point - p).squaredNorm() < (nearest - p).squaredNorm()) nearest = point;
-  }
-  return nearest;
 }
 
 template <typename Texel>
@@ -253,44 +200,6 @@ class TextureDrawing {
   }
 
  private:
-  // Texels in the triangle, and those near it that no other one has or is nearer to.
-  static void Claim(const Footprint& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
-    const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
-    const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
-    const auto [left, right] = std::minmax({footprint.to[0].x(), footprint.to[1].x(), footprint.to[2].x()});
-    const auto first = std::max<std::int64_t>(first_row, static_cast<std::int64_t>(std::floor(top - kRing - 0.5)));
-    const auto last = std::min<std::int64_t>(end_row - 1, static_cast<std::int64_t>(std::ceil(bottom + kRing - 0.5)));
-    for (std::int64_t y = first; y <= last; ++y) {
-      const double py = static_cast<double>(y) + 0.5;
-      double low = left - kRing, high = right + kRing;
-      for (const HalfPlane& edge : footprint.edge) {
-        const double room = edge.offset + kRing - edge.normal.y() * py;
-        if (std::abs(edge.normal.x()) < 1e-9) {
-          if (room < -1e-6) high = low - 1;
-        } else if (edge.normal.x() > 0) {
-          high = std::min(high, room / edge.normal.x());
-        } else {
-          low = std::max(low, room / edge.normal.x());
-        }
-      }
-      if (high < low) continue;
-      const auto x0 = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor(low - 0.5)));
-      const auto x1 = std::min<std::int64_t>(width - 1, static_cast<std::int64_t>(std::ceil(high - 0.5)));
-      for (std::int64_t x = x0; x <= x1; ++x) {
-        const auto i = static_cast<std::size_t>((y - first_row) * width + x);
-        if (texels->distance[i] <= 0) continue;
-        const Vec2 p(static_cast<double>(x) + 0.5, py);
-        double outside = 0;
-        for (const HalfPlane& edge : footprint.edge) outside = std::max(outside, edge.normal.dot(p) - edge.offset);
-        if (outside * outside >= texels->distance[i]) continue;
-        const auto distance = static_cast<float>(outside > 0 ? (NearestOnBorder(footprint, p) - p).squaredNorm() : 0.0);
-        if (distance >= texels->distance[i]) continue;
-        texels->distance[i] = distance;
-        texels->owner[i] = id;
-      }
-    }
-  }
-
   void SetSource(std::size_t t, Footprint* footprint) const {
     const TextureTriangle& triangle = triangles_[t];
     const ImageHeader& header = source_.image->header;
@@ -448,10 +357,13 @@ class TextureDrawing {
 
 }  // namespace
 
-TextureBaker::TextureBaker(const ImageHeader& header, ThreadTeam* team)
-    : drawn_(static_cast<std::size_t>(header.texels()), 0), team_(team) {
+TextureBaker::TextureBaker(const ImageHeader& header, ThreadTeam* team) : team_(team) {
   image_.header = header;
-  image_.texels.resize(static_cast<std::size_t>(header.bytes()), 0);
+}
+
+void TextureBaker::MakeImage() {
+  drawn_.resize(static_cast<std::size_t>(image_.header.texels()), 0);
+  image_.texels.resize(static_cast<std::size_t>(image_.header.bytes()), 0);
 }
 
 template <typename Texel>
@@ -460,18 +372,10 @@ absl::Status TextureBaker::DrawFrom(const TextureSource& source, std::span<const
                                     const std::atomic<bool>* stop) {
   const ImageHeader& target = image_.header;
   const TextureDrawing<Texel> drawing(source, triangles, frames, options, target, team_);
-  const int bands = (target.height + kBandRows - 1) / kBandRows;
-  std::vector<std::vector<std::int32_t>> of_band(static_cast<std::size_t>(bands));
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    Footprint footprint;
-    if (!SetTarget(triangles[t], target, &footprint)) continue;
-    const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
-    const int first = std::max(0, static_cast<int>(std::floor((top - kRing - 1) / kBandRows)));
-    const int last = std::min(bands - 1, static_cast<int>(std::floor((bottom + kRing + 1) / kBandRows)));
-    for (int band = first; band <= last; ++band) {
-      of_band[static_cast<std::size_t>(band)].push_back(static_cast<std::int32_t>(t));
-    }
-  }
+  if (source.spent != nullptr) source.spent->texels = std::vector<std::uint8_t>();
+  MakeImage();
+  const std::vector<std::vector<std::int32_t>> of_band = texture_internal::TrianglesOfBands(triangles, target);
+  const auto bands = std::ssize(of_band);
   const auto is_stopped = [stop] { return stop != nullptr && stop->load(std::memory_order_relaxed); };
   team_->ForEach(
       bands,

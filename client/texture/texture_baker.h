@@ -40,6 +40,7 @@ struct CornerFrames {
 // An image to read from, prepared for filtering.
 struct TextureSource {
   const TextureImage* image = nullptr;
+  TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels as soon as they are no longer needed
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
   bool nearest = false;  // the sampler magnifies without interpolation: pixels keep their edges
 };
@@ -64,7 +65,7 @@ struct BakeOptions {
 // old texel beyond an edge at which either map is cut: what lies there belongs to something else.
 class TextureBaker {
  public:
-  // The new image, empty. header.bytes() of memory and a byte a texel.
+  // The new image, empty. header.bytes() of memory and a byte a texel, from the first Draw() on.
   TextureBaker(const ImageHeader& header, ThreadTeam* team);
 
   // Draws `triangles`. `frames`, three a triangle, are for kNormal and kDirection. Takes 8 bytes a texel of the old
@@ -85,6 +86,8 @@ class TextureBaker {
   absl::Status DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
                         std::span<const CornerFrames> frames, const BakeOptions& options,
                         const std::atomic<bool>* stop);
+
+  void MakeImage();
 
   TextureImage image_;
   std::vector<std::uint8_t> drawn_;  // per texel: 0 not, 1 beside a triangle, 2 in one

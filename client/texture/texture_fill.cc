@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/texture/texture_baker.h"
+#include "client/texture/texture_raster.h"
 
 namespace planish {
 namespace {
@@ -54,8 +54,9 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
     levels.push_back(std::move(level));
   };
   add(header.width, header.height, drawn, texels);
+  levels.reserve(32);  // references into it stay
   while (levels.back().width > 1 || levels.back().height > 1) {
-    const FillLevel below = levels.back();
+    const FillLevel& below = levels.back();
     add(below.width, below.height, below.has, below.values.data());
   }
   if (!levels.back().has[0]) return;  // nothing was drawn
@@ -82,12 +83,17 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
 
 }  // namespace
 
-TextureImage TextureBaker::Finish() {
-  if (image_.header.bits == 8) {
-    FillGaps(image_.header, drawn_, image_.texels.data());
+void texture_internal::FillUndrawn(const std::vector<std::uint8_t>& drawn, TextureImage* image) {
+  if (image->header.bits == 8) {
+    FillGaps(image->header, drawn, image->texels.data());
   } else {
-    FillGaps(image_.header, drawn_, reinterpret_cast<std::uint16_t*>(image_.texels.data()));
+    FillGaps(image->header, drawn, reinterpret_cast<std::uint16_t*>(image->texels.data()));
   }
+}
+
+TextureImage TextureBaker::Finish() {
+  MakeImage();  // if nothing was drawn
+  texture_internal::FillUndrawn(drawn_, &image_);
   drawn_.clear();
   return std::move(image_);
 }

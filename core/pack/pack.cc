@@ -141,12 +141,16 @@ class Packer {
       return true;
     }
     // The least scale: charts of about one texel. If there was no room for any padding, nearly any scale.
-    const double least = any_scale || charts_.total_area == 0
-                             ? 1e-9 * LargestScale()
-                             : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
+    double least = any_scale || charts_.total_area == 0
+                       ? 1e-9 * LargestScale()
+                       : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
+    least = std::min(least, options_.most_scale / 2);
     if (!HasNoTime() && SearchPlaces(least)) return true;
     return HasNoTime() && FitOnShelves(least);
   }
+
+  // Whether the best so far is as large as it may be, but for rounding.
+  bool IsLargeEnough() const { return best_.scale >= (1 - 1e-12) * options_.most_scale; }
 
   bool HasNoTime() const { return charts_.order.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
@@ -168,7 +172,7 @@ class Packer {
   bool SearchPlaces(double least) {
     Simplify();
     if (!TryScales(least)) return false;
-    if (HasNoTime()) return true;
+    if (HasNoTime() || IsLargeEnough()) return true;
     const double left = work_.budget - static_cast<double>(work_.done);
     const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.outlines.size());
     if (charts_.order.size() >= tuning_.charts_for_orders &&
@@ -177,7 +181,7 @@ class Packer {
       TryOrders(static_cast<double>(work_.done) + (tightens ? share : 1) * left);
     }
     series_.reset();
-    if (tightens) TightenAll(std::llround(work_.budget - static_cast<double>(work_.done)));
+    if (tightens && !IsLargeEnough()) TightenAll(std::llround(work_.budget - static_cast<double>(work_.done)));
     return true;
   }
 
@@ -199,7 +203,7 @@ class Packer {
     double good = 0, bad = 0, expected = 0;  // at which all charts fit, do not fit, might fit
     int since_good = 0;                      // trials since all charts first fitted
     std::vector<Pose> poses(charts_.outlines.size());
-    SetUnit(ScaleForFill(tuning_.first_fill));
+    SetUnit(std::min(ScaleForFill(tuning_.first_fill), options_.most_scale));
     for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
          ++trial) {
       const double scale = ScaleOf(side);
@@ -210,6 +214,7 @@ class Packer {
         // At this scale the charts would fill all rows.
         expected = scale / std::sqrt(result.filled);
         Keep(side, poses);
+        if (IsLargeEnough()) break;
       } else {
         bad = scale;
       }
@@ -236,7 +241,7 @@ class Packer {
         next = scale /
                std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
-      side = GridFor(next);
+      side = GridUpTo(next);
       if (plan_.thorough) continue;
       if (bad > 0) side = std::max(side, SideOf(bad) + 1);
       if (good > 0 && side >= SideOf(good)) {
@@ -256,6 +261,12 @@ class Packer {
     const int side = SideOf(scale);
     if (!plan_.thorough && side <= 2 * grid_.side && 2 * side >= grid_.side) return side;
     SetUnit(scale);
+    return grid_.side;
+  }
+  // The same for scales up to the largest that is allowed.
+  int GridUpTo(double scale) {
+    if (scale < options_.most_scale) return GridFor(scale);
+    SetUnit(options_.most_scale);
     return grid_.side;
   }
   // From now on, a grid of the usual side has this scale.
@@ -310,13 +321,15 @@ class Packer {
     std::vector<Pose> poses(n);
     double missing = kHuge;
     const auto next_side = [&] {
+      if (tuning_.order_step * best_.scale >= options_.most_scale) return GridUpTo(options_.most_scale);
       const int next = GridFor(tuning_.order_step * best_.scale);
       return std::min(next, SideOf(best_.scale) - 1);
     };
     int side = next_side();
     int in_vain = 0;
     std::int32_t first_missing = 0;
-    while (static_cast<double>(work_.done) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
+    while (static_cast<double>(work_.done) < until && !IsLargeEnough() && !execution_.IsCancelled() &&
+           !execution_.IsStopRequested()) {
       TrialPlan other = plan;
       if (in_vain >= tuning_.orders_in_vain) {
         for (const std::int32_t i : charts_.order)
@@ -397,7 +410,8 @@ class Packer {
     std::vector<Box> boxes;
     for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
     std::vector<Vec2> extents(charts_.outlines.size());
-    for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
+    for (best_.scale = std::min(LargestScale(), options_.most_scale); best_.scale > least && !execution_.IsCancelled();
+         best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
@@ -419,7 +433,7 @@ class Packer {
     const double angle = AngleOfSmallestSquare(charts_.outlines[0]);
     const Box box = BoxAt(charts_.outlines[0], angle);
     const double low = margin_ + grid_.radius;
-    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]);
+    best_.scale = std::min((1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]), options_.most_scale);
     best_.poses = {{Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low, angle,
                     charts_.atlas[0] * options_.tiles}};
   }
@@ -434,6 +448,7 @@ class Packer {
     options.tiles = options_.tiles;
     options.atlases = options_.atlases;
     options.work = work;
+    options.most_scale = options_.most_scale;
     options.tuning = tuning_;
     std::vector<double> relative = Scales(best_.scale);
     for (double& r : relative) r /= best_.scale;

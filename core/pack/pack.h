@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -26,6 +27,8 @@ struct PackOptions {
   int padding = 2;          // texels kept free between two charts, in [0, 64]; half of that (rounded up) at the rim
   int tiles = 1;            // tiles that may be used, in [1, 100]; tile t is UDIM 1001 + t
   int atlases = 1;          // each with `tiles` tiles: atlas a has those from a * tiles on; in [1, 100] tiles in total
+  // The search ends at this scale of a chart with density 1 (Packing::scale).
+  double most_scale = std::numeric_limits<double>::infinity();
   PackEffort effort = PackEffort::kNormal;
   PackTuning tuning = {};
 
@@ -68,11 +71,11 @@ double DrawnScale(double radius, double density, double scale, std::size_t chart
 // How far a chart may be moved after packing without losing the padding, in sides of a tile.
 inline constexpr double kFreeMove = 1e-6;
 
-// Packs the charts at the largest scale that the search finds. All atlases have the same scale, which the fullest one
-// decides. Any two charts keep a distance of `padding` texels, plus a little for rounding to float and for moving each
-// by kFreeMove. If there is no room for that, Packing::padding says how much is kept. Faces of one chart may overlap
-// each other. Charts are rotated, not mirrored. A chart that would be smaller than a texel is enlarged to a texel, or
-// to the available room. Positions must be finite.
+// Packs the charts at the largest scale that the search finds, up to PackOptions::most_scale. All atlases have the same
+// scale, which the fullest one decides. Any two charts keep a distance of `padding` texels, plus a little for rounding
+// to float and for moving each by kFreeMove. If there is no room for that, Packing::padding says how much is kept.
+// Faces of one chart may overlap each other. Charts are rotated, not mirrored. A chart that would be smaller than a
+// texel is enlarged to a texel, or to the available room. Positions must be finite.
 //
 // Method: trials at different scales place charts on bit grids (trial.h), largest first, each where it lies snuggest.
 // The remaining work, unless there are too many charts, goes into tightening (tighten.h): the scale goes up, charts

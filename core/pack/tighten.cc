@@ -180,7 +180,8 @@ class Tightener {
     const auto begin_at_best = [&](Lane* lane) { *lane = {found->back(), found->back().scale, first_step}; };
     for (Lane& lane : lanes) begin_at_best(&lane);
     std::int64_t used = growing;
-    for (std::uint64_t round = 0; used < options_.work && !execution_.IsCancelled() && !execution_.IsStopRequested();
+    for (std::uint64_t round = 0; used < options_.work && found->back().scale < options_.most_scale &&
+                                  !execution_.IsCancelled() && !execution_.IsStopRequested();
          ++round) {
       std::array<std::optional<Arrangement>, kLanes> results;
       std::array<std::int64_t, kLanes> work = {};
@@ -238,6 +239,7 @@ class Tightener {
   // stores the result in arrangement_. Returns whether it succeeded.
   bool Settle(const Arrangement& arrangement, double least_scale) {
     Relaxer relaxer = MakeRelaxer(arrangement);
+    if (relaxer.scale() > options_.most_scale) relaxer.set_scale(options_.most_scale);
     const auto left = [&] {
       return tuning_.settling_share * static_cast<double>(options_.work) - static_cast<double>(relaxer.work());
     };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -13,6 +14,7 @@ namespace planish {
 
 struct TightenOptions : PackRules {
   std::int64_t work = 0;  // limit of about so many nanoseconds, counted in steps of the algorithms
+  double most_scale = std::numeric_limits<double>::infinity();  // of the result
   PackTuning tuning;
 };
 

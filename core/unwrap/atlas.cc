@@ -7,6 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/pack/outline.h"
@@ -23,6 +26,8 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   std::set<std::int32_t> numbers(options.face_atlas.begin(), options.face_atlas.end());
   if (numbers.empty()) numbers.insert(0);
   PackOptions tiles = options.atlas;
+  tiles.texture_size = atlas->texture_size;
+  if (options.texels_per_unit > 0) tiles.most_scale = options.texels_per_unit / tiles.texture_size;
   tiles.atlases = stacked ? 1 : *numbers.rbegin() + 1;
   if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all atlases share the work of one
   if (is_draft) {
@@ -73,9 +78,10 @@ Box BoxOf(const ChartMap& map) {
 }
 
 // Sets the placement of each chart. `before`: the previous packing, or null.
-Atlas Place(const UnwrapOptions& options, const Atlas* before, bool is_draft, const Execution& execution,
-            Charts* charts) {
+Atlas Place(const UnwrapOptions& options, int texture_size, const Atlas* before, bool is_draft,
+            const Execution& execution, Charts* charts) {
   Atlas atlas;
+  atlas.texture_size = texture_size;
   if (!options.pack) {
     for (MappedChart& mapped : charts->charts) {
       mapped.map.placement = ChartPlacement();
@@ -93,6 +99,54 @@ Atlas Place(const UnwrapOptions& options, const Atlas* before, bool is_draft, co
   return atlas;
 }
 
+// The smallest power of two, as a texture's size, that may hold the charts at this density: by their area alone.
+int LeastTextureSize(const UnwrapOptions& options, const Charts& charts) {
+  std::map<std::int32_t, double> areas;  // of each atlas, in texels
+  for (const MappedChart& mapped : charts.charts) {
+    double area = 0;
+    for (const Face& face : mapped.chart.topology->faces) {
+      const std::vector<Vec2>& p = mapped.map.positions;
+      const Vec2 u = p[face[1]] - p[face[0]], v = p[face[2]] - p[face[0]];
+      area += std::abs(u.x() * v.y() - u.y() * v.x()) / 2;
+    }
+    const double density = options.texels_per_unit * WeightOf(options, *charts.surface, mapped.chart);
+    areas[AtlasOf(options, mapped.chart.faces.front())] += area * density * density;
+  }
+  int size = kMinTextureSize;
+  const auto is_too_small = [&](const auto& atlas) {
+    return atlas.second > static_cast<double>(options.atlas.tiles) * size * size;
+  };
+  while (size < kMaxTextureSize &&
+         (size <= options.atlas.padding + 1 || std::any_of(areas.begin(), areas.end(), is_too_small))) {
+    size *= 2;
+  }
+  return size;
+}
+
+// Place() at UnwrapOptions::texels_per_unit, into the smallest texture that has room where that is asked for. A draft,
+// or what a stop request cuts short, may be less dense.
+absl::StatusOr<Atlas> PlaceAtDensity(const UnwrapOptions& options, const Atlas* before, bool is_draft,
+                                     const Execution& execution, Charts* charts) {
+  int size = options.finds_texture_size ? LeastTextureSize(options, *charts) : options.atlas.texture_size;
+  if (before != nullptr && options.finds_texture_size) size = std::max(size, before->texture_size);
+  while (true) {
+    Atlas atlas = Place(options, size, before, is_draft, execution, charts);
+    const double density = atlas.scale * size;
+    const bool is_enough = density >= (1 - 1e-9) * options.texels_per_unit;
+    if (is_enough || is_draft || execution.IsStopRequested() || execution.IsCancelled()) return atlas;
+    if (!options.finds_texture_size || size >= kMaxTextureSize) {
+      return OptionError("texels_per_unit",
+                         absl::StrFormat("a texture of %d x %d texels%s has room for at most %.4g texels per unit, "
+                                         "%.3g of the %.6g asked for; ask for fewer, or allow more tiles%s",
+                                         size, size, options.atlas.tiles > 1 ? " in each tile" : "", density,
+                                         density / options.texels_per_unit, options.texels_per_unit,
+                                         size < kMaxTextureSize ? " or a larger texture" : ""),
+                         {{"most", absl::StrFormat("%.6g", density)}, {"texture_size", absl::StrCat(size)}});
+    }
+    size *= 2;
+  }
+}
+
 // Places the maps that were solved since the last packing, at its scale: all at one place, round the middle of the
 // quarter of a tile where rounding is coarsest.
 void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* charts) {
@@ -102,7 +156,9 @@ void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* char
     const Box box = BoxOf(mapped.map);
     const double weight = WeightOf(options, *charts->surface, mapped.chart);
     ChartPlacement& place = mapped.map.placement.emplace();
-    place.scale = DrawnScale(ExtentOf(mapped.map.positions) / 2, weight, atlas.scale, charts->count(), options.atlas);
+    PackOptions tiles = options.atlas;
+    tiles.texture_size = atlas.texture_size;
+    place.scale = DrawnScale(ExtentOf(mapped.map.positions) / 2, weight, atlas.scale, charts->count(), tiles);
     place.offset = middle - place.scale * (box.low + box.high) / 2;
   }
 }
@@ -192,7 +248,7 @@ absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, C
     atlas = *before;
     PlaceRoughly(job->options, atlas, charts);
   } else {
-    atlas = Place(job->options, before, is_draft, job->execution, charts);
+    PLANISH_ASSIGN_OR_RETURN(atlas, PlaceAtDensity(job->options, before, is_draft, job->execution, charts));
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);

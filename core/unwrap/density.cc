@@ -53,7 +53,7 @@ double DensityOf(const Job& job, const Charts& charts, const Chart& chart, const
 // The scale of a face's atlas.
 double ScaleOf(const Job& job, const Atlas& atlas, std::int32_t face) {
   const auto own = atlas.atlases.find(AtlasOf(job.options, face));
-  return own == atlas.atlases.end() ? atlas.scale : own->second.texels_per_unit / job.options.atlas.texture_size;
+  return own == atlas.atlases.end() ? atlas.scale : own->second.texels_per_unit / atlas.texture_size;
 }
 
 void WarnOfOtherDensities(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv,

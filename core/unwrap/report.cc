@@ -252,8 +252,9 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   std::sort(result.widened.begin(), result.widened.end());
   WarnOfWidened(result.widened, job->polygons, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
+  result.texture_size = atlas.texture_size;
   result.padding = atlas.padding;
-  if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
+  if (job->options.pack) result.texels_per_unit = atlas.scale * atlas.texture_size;
   // A single chart may be enlarged.
   if (!job->packs()) result.texels_per_unit *= charts.charts.front().chart.enlargement;
   result.uv = std::move(delivery.uv);

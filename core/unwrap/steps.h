@@ -218,6 +218,7 @@ double WeightOf(const UnwrapOptions& options, const Surface& surface, const Char
 struct Atlas {
   CornerUv uv;  // as packed, before rounding
   int tiles = 1;
+  int texture_size = 1024;
   double scale = 1;    // UV length per length on the surface, at weight 1; the least of all atlases
   double padding = 0;  // texels that are free between charts, PackOptions::padding unless there is no room
   std::map<std::int32_t, AtlasReport> atlases;  // by AtlasReport::atlas; faces and efficiency are not set
@@ -227,9 +228,10 @@ struct Atlas {
 // without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
 // to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
 // (Surface::takes_part) get the UV of an edge of their atlas they lie on, or else of a vertex, or else of a tile's
-// corner. `is_draft`: for a look at what rounding does to each chart. If there is a packing `before`, charts that were
-// solved since lie in one place, at its scale; otherwise all are packed with the fewest trials. CANCELLED after a
-// cancellation.
+// corner. With UnwrapOptions::texels_per_unit charts have that density; OPTIONS_INVALID where the texture, or the
+// largest, has no room for it. `is_draft`: for a look at what rounding does to each chart. If there is a packing
+// `before`, charts that were solved since lie in one place, at its scale; otherwise all are packed with the fewest
+// trials. CANCELLED after a cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts);
 
 // Writes the UV of the chart's corners, rounded to this type, as the map has been placed.

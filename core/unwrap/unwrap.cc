@@ -36,7 +36,7 @@ absl::Status CheckSeams(const SeamOptions& seams) {
 }
 
 absl::Status CheckAtlas(const PackOptions& atlas) {
-  PLANISH_RETURN_IF_ERROR(CheckRange("texture_size", atlas.texture_size, 16, 65536));
+  PLANISH_RETURN_IF_ERROR(CheckRange("texture_size", atlas.texture_size, kMinTextureSize, kMaxTextureSize));
   PLANISH_RETURN_IF_ERROR(CheckRange("padding", atlas.padding, 0, 64));
   PLANISH_RETURN_IF_ERROR(CheckRange("tiles", atlas.tiles, 1, kMaxTiles));
   if (2 * ((atlas.padding + 1) / 2) >= atlas.texture_size) {
@@ -44,6 +44,15 @@ absl::Status CheckAtlas(const PackOptions& atlas) {
                                                ", which keeps half of them free at every rim"));
   }
   return absl::OkStatus();
+}
+
+absl::Status CheckDensity(const UnwrapOptions& options) {
+  const std::string field = "texels_per_unit";
+  if (options.texels_per_unit == 0) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckRange(field, options.texels_per_unit, 1e-300, kMostTexelsPerUnit));
+  if (!options.pack) return OptionError(field, "charts that are not packed have no texture; leave pack on");
+  if (options.seams.policy != SeamPolicy::kNone) return absl::OkStatus();
+  return OptionError(field, "with seams none the mesh is one chart, which fills its tile; choose keep, needed or auto");
 }
 
 absl::Status CheckCorners(const std::string& field, const std::vector<std::int32_t>& corners, std::int64_t num_faces) {
@@ -162,6 +171,7 @@ absl::Status UnwrapOptions::Validate() const {
   PLANISH_RETURN_IF_ERROR(flatten.Validate());
   PLANISH_RETURN_IF_ERROR(CheckSeams(seams));
   PLANISH_RETURN_IF_ERROR(CheckAtlas(atlas));
+  PLANISH_RETURN_IF_ERROR(CheckDensity(*this));
   return CheckRange("threads", threads, 1, kMaxThreads);
 }
 

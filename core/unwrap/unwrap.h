@@ -73,6 +73,11 @@ struct UnwrapOptions {
   SeamOptions seams;
   bool pack = true;   // false: charts as they were solved, to the surface's scale, one over the other
   PackOptions atlas;  // of each atlas; `atlases` is not for callers
+  // Texels per length on the surface that charts get, at weight 1, in (0, kMostTexelsPerUnit]; 0: as many as there is
+  // room for. Needs charts that are packed.
+  double texels_per_unit = 0;
+  // With texels_per_unit: PackOptions::texture_size becomes the smallest power of two that holds it, in [16, 65536].
+  bool finds_texture_size = false;
   // Per face: the number of the polygon that it is a triangle of, in [0, faces); empty: every face is a polygon. Each
   // polygon stays in one piece: no seam follows an edge between two of its triangles that run along it in opposite
   // directions, whatever other faces have that edge (warning POLYGON_TORN where that was impossible).
@@ -106,6 +111,8 @@ struct UnwrapOptions {
 };
 inline constexpr int kMaxThreads = 256;
 inline constexpr int kMaxTiles = 100;
+inline constexpr int kMinTextureSize = 16, kMaxTextureSize = 65536;
+inline constexpr double kMostTexelsPerUnit = 1e9;
 inline constexpr float kLeastWeight = 0.01F, kMostWeight = 100;
 
 enum class UnwrapStage { kCharts, kSolve, kLayout, kPack, kVerify };
@@ -176,6 +183,7 @@ struct UnwrapResult {
   std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
   std::vector<std::int32_t> widened;     // faces too thin for `precision` that were widened, ascending (FACES_WIDENED)
   int tiles = 1;                         // of the texture, up to the last that is used
+  int texture_size = 1024;               // texels per side of a tile
   // texture_size times UV length per length on the surface, at weight 1, the least of all atlases; 0 without packing.
   double texels_per_unit = 0;
   double padding = 0;  // texels that are free between charts: PackOptions::padding unless there was no room
@@ -190,8 +198,9 @@ struct UnwrapResult {
 // requests. Thread-safe: calls share nothing, each has a team of threads of its own.
 //
 // Errors:
-//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor()); PIECE_NOT_A_DISC with
-//                     SeamPolicy::kKeep
+//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor(), and texels_per_unit for which the texture
+//   is
+//                     too small: metadata "most" is what it holds); PIECE_NOT_A_DISC with SeamPolicy::kKeep
 //   CANCELLED         `control.cancel` was set; noticed within a few dozen linear iterations or a sparse factorization
 //   ABORTED           STOPPED_EARLY: there was no map without flips yet when `control.stop` came
 //   INTERNAL          SOLVER_FAILED: no finite map came out, or multigrid failed on a chart that is too large for a

@@ -6,8 +6,11 @@
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
+#include "google/protobuf/descriptor.h"
 #include "google/protobuf/io/coded_stream.h"
 #include "google/protobuf/io/zero_copy_stream_impl_lite.h"
+#include "google/protobuf/message.h"
+#include "planish/v1/about.pb.h"
 #include "server/link/mesh_elements.h"
 #include "server/link/rpc_status.h"
 #include "server/store/job_filter.h"
@@ -177,7 +180,12 @@ std::string PackElements(const JobRequest& request) {
 std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
                     std::string_view elements_sha256) {
   v1::UnwrapOptions options = request.options;
-  options.clear_threads();
+  const google::protobuf::Descriptor& fields = *options.GetDescriptor();
+  for (int i = 0; i < fields.field_count(); ++i) {
+    if (fields.field(i)->options().GetExtension(v1::about).keeps_result()) {
+      options.GetReflection()->ClearField(&options, fields.field(i));
+    }
+  }
   // The lengths separate the fields.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",

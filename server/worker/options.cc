@@ -5,9 +5,37 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "google/protobuf/descriptor.h"
+#include "google/protobuf/message.h"
+#include "planish/v1/about.pb.h"
 
 namespace planish {
 namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Reflection;
+
+// OPTIONS_INVALID for a number out of the range that the proto gives at the field. The core checks what concerns
+// several options.
+absl::Status CheckRange(const v1::UnwrapOptions& options, const FieldDescriptor& field) {
+  const Reflection& reflection = *options.GetReflection();
+  if (field.enum_type() != nullptr || !reflection.HasField(options, &field)) return absl::OkStatus();
+  const v1::About& about = field.options().GetExtension(v1::about);
+  const double value = field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE ? reflection.GetDouble(options, &field)
+                                                                           : reflection.GetInt32(options, &field);
+  const bool is_above = about.above_min() ? value > about.min() : value >= about.min();
+  if (is_above && value <= about.max()) return absl::OkStatus();
+  return OptionError(field.name(), absl::StrCat(value, " is not in ", about.above_min() ? "(" : "[", about.min(), ", ",
+                                                about.max(), "]", about.unit().empty() ? "" : " ", about.unit()));
+}
+
+absl::Status CheckRanges(const v1::UnwrapOptions& options) {
+  const google::protobuf::Descriptor& message = *options.GetDescriptor();
+  for (int i = 0; i < message.field_count(); ++i) {
+    PLANISH_RETURN_IF_ERROR(CheckRange(options, *message.field(i)));
+  }
+  return absl::OkStatus();
+}
 
 // An unset field leaves the core's default.
 template <typename Proto, typename Core>
@@ -72,6 +100,7 @@ constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
     {v1::PRECISION_DOUBLE, Precision::kDouble},
 };
 
+// Leaves `core` alone where the value is unspecified.
 template <typename Proto, typename Core, std::size_t size>
 absl::Status Choose(const std::string& field, const Choice<Proto, Core> (&choices)[size], Proto proto, Core* core) {
   if (static_cast<int>(proto) == 0) return absl::OkStatus();
@@ -94,6 +123,7 @@ Proto Find(const Choice<Proto, Core> (&choices)[size], Core core) {
 }  // namespace
 
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
+  PLANISH_RETURN_IF_ERROR(CheckRanges(options));
   UnwrapOptions core;
   FlattenOptions& flatten = core.flatten;
   PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
@@ -114,6 +144,8 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   if (options.max_stretch() != 0) core.seams.max_stretch = options.max_stretch();
   core.seams.hard_edge_degrees = options.hard_edge_degrees();
   if (options.texture_size() != 0) core.atlas.texture_size = options.texture_size();
+  core.texels_per_unit = options.texels_per_unit();
+  core.finds_texture_size = options.texels_per_unit() > 0 && options.texture_size() == 0;
   if (options.has_padding()) core.atlas.padding = options.padding();
   if (options.tiles() != 0) core.atlas.tiles = options.tiles();
   PLANISH_RETURN_IF_ERROR(core.Validate());
@@ -154,6 +186,16 @@ std::vector<v1::SolverCombination> SolverCombinations() {
   return combinations;
 }
 
+v1::Atlas AtlasInEffect(const UnwrapOptions& options, const UnwrapResult& result) {
+  v1::Atlas atlas;
+  atlas.set_pack(Find(kPacks, options.pack));
+  atlas.set_texture_size(result.texture_size);
+  atlas.set_padding(options.atlas.padding);
+  atlas.set_effort(Find(kEfforts, options.atlas.effort));
+  atlas.set_layout(Find(kLayouts, options.layout));
+  return atlas;
+}
+
 v1::Solver ToProto(SolverType type) {
   return Find(kSolvers, type);
 }
@@ -165,12 +207,6 @@ v1::Preconditioner ToProto(PreconditionerType type) {
 }
 v1::Hessian ToProto(HessianType type) {
   return Find(kHessians, type);
-}
-v1::AtlasLayout ToProto(AtlasLayout layout) {
-  return Find(kLayouts, layout);
-}
-v1::Effort ToProto(PackEffort effort) {
-  return Find(kEfforts, effort);
 }
 v1::Boundary ToProto(BoundaryType type) {
   return Find(kBoundaries, type);

@@ -24,13 +24,14 @@ std::vector<v1::Seams> SeamPolicies();
 // Every concrete choice that ValidateOptions() accepts.
 std::vector<v1::SolverCombination> SolverCombinations();
 
+// The options of the atlas in effect, with defaults filled in.
+v1::Atlas AtlasInEffect(const UnwrapOptions& options, const UnwrapResult& result);
+
 // For reports; never UNSPECIFIED.
 v1::Solver ToProto(SolverType type);
 v1::System ToProto(SystemType type);
 v1::Preconditioner ToProto(PreconditionerType type);
 v1::Hessian ToProto(HessianType type);
-v1::AtlasLayout ToProto(AtlasLayout layout);
-v1::Effort ToProto(PackEffort effort);
 v1::Boundary ToProto(BoundaryType type);
 v1::Precision ToProto(Precision precision);
 

@@ -133,15 +133,10 @@ v1::ChartTotals Totals(const std::vector<ChartReport>& charts) {
 }
 
 v1::Atlas AtlasOf(const UnwrapResult& result, const UnwrapOptions& options) {
-  v1::Atlas atlas;
-  atlas.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);
-  atlas.set_texture_size(options.atlas.texture_size);
-  atlas.set_padding(options.atlas.padding);
+  v1::Atlas atlas = AtlasInEffect(options, result);
   atlas.set_padding_kept(result.padding);
   atlas.set_tiles(result.tiles);
-  atlas.set_effort(ToProto(options.atlas.effort));
   atlas.set_texels_per_unit(result.texels_per_unit);
-  atlas.set_layout(ToProto(options.layout));
   for (std::size_t i = 0; i < std::min(result.atlases.size(), kMaxAtlasParts); ++i) {
     const AtlasReport& report = result.atlases[i];
     v1::AtlasPart& part = *atlas.add_atlases();

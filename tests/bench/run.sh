@@ -12,6 +12,7 @@
 #   tests/bench/run.sh chaos            1,000 jobs through a farm whose fronts, workers and database are killed
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
 #   tests/bench/run.sh report           what a report of a million triangles adds to an unwrap, and how long it takes to open
+#   tests/bench/run.sh textures         how models look after their images moved, what that costs, a scan onto its copy
 #   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
@@ -53,12 +54,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | seams | memory | tuning | service | farm | chaos | mutations | report) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, seams, memory, tuning, service, farm, chaos, mutations, report)" ;;
+  paper | scale | peers | atlas | seams | memory | tuning | service | farm | chaos | mutations | report | textures) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, seams, memory, tuning, service, farm, chaos, mutations, report, textures)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | seams | tuning | service | farm | chaos | mutations | report) ;;
+  memory | seams | tuning | service | farm | chaos | mutations | report | textures) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
@@ -70,6 +71,7 @@ case $bench in atlas | service | report) targets+=(planish planishd) ;; esac
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
 [ "$bench" != chaos ] || targets=(planish_farm_chaos)
+[ "$bench" != textures ] || targets=(planish_texture_transfer)
 [ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
@@ -495,6 +497,28 @@ means of the ratios to the artists'; turn (degrees), symmetry (where there is a 
 median. Of xatlas' maps, whose UV are texels, the packing efficiency says nothing. The fold of mirrored halves that an artist has
 stacked is no seam of his here.$missing" >"$out/seams.md"
   node "$here/seams_table.mjs" "$bin/planish" "$folder" "$work" ${modules:+"$modules"} >>"$out/seams.md"
+}
+
+textures() {
+  local looks=() side=4096 tool=$bin/planish_texture_transfer failed=0
+  [ -z "$quick" ] || { looks=(--detail=12 --texels=160 --points=5000) side=512; }
+  "$tool" write "$work/four.glb" "--texels=$side"
+  {
+    heading "Textures" "Colours at 100,000 points of generated models through the old map and image against the new ones, in 255ths: 2 in the mean
+and 12 at the 99th percentile are allowed for smooth content, a tenth more than a resampler of 64 samples a texel for the rest; normals in
+degrees, of which 2 are. Images are PNG at equal texel density, one JPEG."
+    echo
+    "$tool" looks "${looks[@]}" || failed=1
+    echo
+    echo "A mesh of 100,000 triangles with four images of $side x $side: CPU seconds, and the most memory of the process."
+    echo
+    echo '```'
+    "$tool" cost "$work/four.glb" || failed=1
+    echo
+    "$tool" project || failed=1
+    echo '```'
+  } >"$out/textures.md"
+  return $failed
 }
 
 mutations() {

@@ -158,6 +158,26 @@ INSTANTIATE_TEST_SUITE_P(Kinds, PackingOf,
                            return name;
                          });
 
+TEST(Pack, EndsAtTheScaleThatIsAskedFor) {
+  for (const char* kind : {"blobs-1", "blobs-15", "rings-30", "blobs-400"}) {
+    const std::vector<PackChart> charts = Charts(kind);
+    PackOptions options;
+    options.padding = 1;
+    options.texture_size = 2048;
+    const double most = Pack(charts, options).scale;
+    for (const double part : {0.02, 0.7, 0.95}) {
+      options.most_scale = part * most;
+      const Packing packing = Pack(charts, options);
+      EXPECT_EQ(packing.padding, options.padding);
+      EXPECT_LE(packing.scale, options.most_scale * (1 + 1e-12)) << kind << " " << part;
+      EXPECT_GE(packing.scale, options.most_scale * (1 - 1e-12)) << kind << " " << part;
+      const std::vector<PlacedChart> placed = Place(charts, packing);
+      EXPECT_GE(LeastDistance(placed, 3.0 / 2048) * 2048, options.padding) << kind << " " << part;
+      EXPECT_GE(LeastFromRim(placed) * 2048, 1) << kind << " " << part;
+    }
+  }
+}
+
 void ExpectSame(const Packing& a, const Packing& b) {
   EXPECT_EQ(a.scale, b.scale);
   EXPECT_EQ(a.tiles, b.tiles);

@@ -8,6 +8,7 @@
 #include "Eigen/Geometry"
 #include "client/files/gltf_mesh.h"
 #include "client/files/mesh_output.h"
+#include "client/texture/image.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/files/gltf_fixture.h"
@@ -442,11 +443,57 @@ TEST(GltfReader, ReadsMeshoptCompression) {
     // It is written without that compression, and is whole all the same.
     const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
     const MeshFile again = Written(packed, uv, "out.glb");
-    EXPECT_EQ(again.bytes.find("meshopt"), std::string::npos);
+    EXPECT_EQ(again.gltf->document.json.dump().find("meshopt"), std::string::npos);
     EXPECT_EQ(UvOf(again.mesh), uv);
     for (const char* kept : {"POSITION", "COLOR_0", "WEIGHTS_0"}) {
       EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept)) << kept;
     }
+  }
+}
+
+// Red grows along u, green along v.
+std::string ColorsOfUv() {
+  TextureImage image;
+  image.header = {ImageKind::kPng, 64, 64, 3, 8};
+  for (int i = 0; i < 64 * 64; ++i) {
+    for (const int value : {4 * (i % 64) + 2, 4 * (i / 64) + 2, 0}) {
+      image.texels.push_back(static_cast<std::uint8_t>(value));
+    }
+  }
+  return EncodeImage(image).value();
+}
+
+TEST(GltfWriter, MovesTexturesOfCompressedMeshes) {
+  for (GltfFixture fixture : {SampleGltf(), Meshopted(SampleGltf()), SampleDracoGltf()}) {
+    fixture.json["images"][0] = {{"uri", DataUri(ColorsOfUv())}};
+    const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+    OutputOptions options;
+    options.path = TemporaryPath("out.glb");
+    options.format = MeshFormat::kGlb;
+    options.textures.mode = TextureMode::kTransfer;
+    options.textures.size = 256;
+    const auto written = WriteMeshWithUv(file, SmoothUv(file.mesh), options);
+    ASSERT_TRUE(written.ok()) << written.status();
+    const MeshFile again = ReadBytes("out.glb", written->files.back().bytes);
+    EXPECT_EQ(again.mesh.positions, file.mesh.positions);
+    const Json& image = again.gltf->document.json["images"][0];
+    const auto after = DecodeImage(ViewBytes(again.gltf->document, image["bufferView"], "image").value(), "image");
+    ASSERT_TRUE(after.ok()) << after.status();
+    int compared = 0;
+    for (std::size_t f = 0; f < static_cast<std::size_t>(again.gltf->primitives[0].num_polygons); ++f) {
+      const auto middle = [f](const PolygonMesh& mesh) {
+        Vec2 sum = Vec2::Zero();
+        for (std::size_t k = 0; k < 3; ++k) sum += mesh.texcoords[mesh.corner_texcoord[3 * f + k]] / 3;
+        return Vec2(sum.x(), 1 - sum.y());
+      };
+      const Vec2 old = middle(file.mesh), uv = middle(again.mesh);
+      if (old.minCoeff() < 0.1 || old.maxCoeff() > 0.9) continue;
+      const auto at = 3 * (static_cast<std::size_t>(uv.y() * 256) * 256 + static_cast<std::size_t>(uv.x() * 256));
+      EXPECT_NEAR(after->texels[at], 256 * old.x(), 12) << f;
+      EXPECT_NEAR(after->texels[at + 1], 256 * old.y(), 12) << f;
+      ++compared;
+    }
+    EXPECT_GT(compared, 0);
   }
 }
 
@@ -482,8 +529,8 @@ TEST(GltfReader, NamesMeshoptStreamsThatAreTooNew) {
   fallback.json["extensionsUsed"].push_back(kName);
   const MeshFile file = ReadBytes("fallback.glb", fallback.Glb());
   EXPECT_EQ(file.mesh.positions, ReadBytes("plain.glb", SampleGltf().Glb()).mesh.positions);
-  EXPECT_EQ(Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb").bytes.find("meshopt"),
-            std::string::npos);
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_EQ(again.gltf->document.json.dump().find("meshopt"), std::string::npos);
 }
 
 TEST(GltfReader, RefusesDamagedMeshoptCompression) {

@@ -89,10 +89,14 @@ struct Sheet {
     return {{"attributes", {{"POSITION", 0}, {"NORMAL", 1}, {"TEXCOORD_0", 2}}}, {"indices", 3}, {"material", 0}};
   }
 
-  MeshFile File() const {
+  std::string Bytes() const {
     const absl::StatusOr<std::string> glb = GlbBytes(json, buffer, "");
     EXPECT_TRUE(glb.ok()) << glb.status();
-    const absl::StatusOr<MeshFile> file = ReadMeshBytes(TemporaryPath("in.glb"), MeshFormat::kGlb, glb.value_or(""));
+    return glb.value_or("");
+  }
+
+  MeshFile File() const {
+    const absl::StatusOr<MeshFile> file = ReadMeshBytes(TemporaryPath("in.glb"), MeshFormat::kGlb, Bytes());
     EXPECT_TRUE(file.ok()) << file.status();
     return file.value_or(MeshFile());
   }
@@ -175,7 +179,8 @@ const Json kColored = {{"name", "paint"}, {"pbrMetallicRoughness", {{"baseColorT
 
 TEST(GltfTextures, TheSurfaceLooksTheSame) {
   const TextureImage image = SmoothTexture(256, 256, 0.125, 1);
-  const MeshFile file = Sheet(4, {image}, kColored).File();
+  const Sheet sheet(4, {image}, kColored);
+  const MeshFile file = sheet.File();
   const Moved moved = Move(file, Turned(file.mesh, 4, 0.6, 0.6), {});
   EXPECT_THAT(moved.warnings, SizeIs(0));
   const TextureImage after = ImageOf(moved.file, 0);
@@ -185,7 +190,7 @@ TEST(GltfTextures, TheSurfaceLooksTheSame) {
   EXPECT_LE(difference.mean, 2);
   EXPECT_LE(difference.percentile99, 12);
   EXPECT_THAT(moved.file.gltf->document.json["images"], SizeIs(1));
-  EXPECT_LT(moved.file.bytes.size(), file.bytes.size() * 4);
+  EXPECT_LT(moved.files.back().bytes.size(), sheet.Bytes().size() * 4);
 }
 
 TEST(GltfTextures, TransformationsAreAppliedAndGone) {
@@ -318,14 +323,39 @@ TEST(GltfTextures, WhatIsReadWithOtherUvStays) {
   EXPECT_NE(ImageOf(moved.file, 0).texels, ImageOf(file, 0).texels);
 }
 
-TEST(GltfTextures, DropRemovesTheReferences) {
-  const MeshFile file = Sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored).File();
+TEST(GltfTextures, DropRemovesTheReferencesAndTheBytes) {
+  const Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored);
+  const MeshFile file = sheet.File();
   TextureOptions options;
   options.mode = TextureMode::kDrop;
   const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), options);
   EXPECT_EQ(moved.file.gltf->document.json["materials"].dump().find("Texture"), std::string::npos);
   ASSERT_THAT(moved.warnings, SizeIs(1));
   EXPECT_EQ(moved.warnings[0].reason, "TEXTURE_DROPPED");
+  for (const char* gone : {"textures", "images"}) EXPECT_FALSE(moved.file.gltf->document.json.contains(gone)) << gone;
+  EXPECT_LT(moved.files[0].bytes.size() + Png(SmoothTexture(32, 32, 0.1, 1)).size(), sheet.Bytes().size() + 500);
+}
+
+TEST(GltfTextures, DropKeepsImagesThatOthersRead) {
+  Json material = kColored;
+  material["emissiveTexture"] = {{"index", 1}, {"texCoord", 1}};
+  Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1), SmoothTexture(16, 16, 0.1, 2)}, material);
+  sheet.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = 2;
+  const MeshFile file = sheet.File();
+  TextureOptions options;
+  options.mode = TextureMode::kDrop;
+  const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), options);
+  const Json& json = moved.file.gltf->document.json;
+  ASSERT_THAT(json["images"], SizeIs(1));
+  ASSERT_THAT(json["textures"], SizeIs(1));
+  EXPECT_EQ(json["textures"][0]["source"], 0);
+  EXPECT_EQ(json["materials"][0]["emissiveTexture"]["index"], 0);
+  EXPECT_EQ(ImageOf(moved.file, 0).texels, ImageOf(file, 1).texels);
+  // What an extension may refer to stays.
+  sheet.json["extensions"]["EXT_unheard_of"]["image"] = 0;
+  sheet.json["extensionsUsed"] = {"EXT_unheard_of"};
+  const MeshFile known = sheet.File();
+  EXPECT_THAT(Move(known, Turned(file.mesh, 2, 0.2, 0.6), options).file.gltf->document.json["images"], SizeIs(2));
 }
 
 absl::Status CheckOf(const MeshFile& file, const TextureOptions& textures) {
@@ -407,9 +437,10 @@ TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
 
 TEST(TransferCommand, TakesTheMapOfAFileWhoseTrianglesAreInAnotherOrder) {
   const TextureImage image = SmoothTexture(128, 128, 0.1, 1);
-  const MeshFile from = Sheet(4, {image}, kColored).File();
+  const Sheet sheet(4, {image}, kColored);
+  const MeshFile from = sheet.File();
   const std::string in = TemporaryPath("from.glb"), to = TemporaryPath("to.obj"), out = TemporaryPath("out.glb");
-  PutFile(in, from.bytes);
+  PutFile(in, sheet.Bytes());
   const std::vector<double> uv = Turned(from.mesh, 4, 0.5, 0.6);
   std::string obj;
   const std::int64_t faces = from.mesh.num_polygons();

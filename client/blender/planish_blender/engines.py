@@ -38,16 +38,17 @@ class Settings:
     command: str = ""
 
 
-@dataclass(frozen=True)
 class Options:
-    """Options of an unwrap, named as in planish.UnwrapOptions."""
+    """Options of an unwrap, named as in planish.UnwrapOptions and the command's flags. Options that are left out have the server's
+    default."""
 
-    seams: str = "auto"
-    max_stretch: float = 1.05
-    texture_size: int = 1024
-    padding: int = 2
-    boundary: str = "free"
-    prefer: str = "texture"
+    def __init__(self, seams="auto", **others):
+        self.seams = seams
+        self.others = others
+
+    def flags(self):
+        texts = ((name, f"{value:.9g}" if isinstance(value, float) else value) for name, value in self.others.items())
+        return [f"--{name.replace('_', '-')}={text}" for name, text in texts]
 
 
 @dataclass
@@ -218,12 +219,8 @@ class _PackageCall:
                 seam_corners=sheet.seam_corners,
                 face_polygon=sheet.polygon,
                 seams=options.seams,
-                max_stretch=options.max_stretch if options.seams == "auto" else None,
-                prefer=options.prefer if options.seams == "auto" else "texture",
-                texture_size=options.texture_size,
-                padding=options.padding,
-                boundary=options.boundary,
                 precision="float",
+                **options.others,
                 labels={"file": sheet.name[:60]},
                 on_progress=self._note,
             )
@@ -316,10 +313,7 @@ class _CommandCall:
                 file.write("%d %d\n" * len(ends) % tuple(ends.reshape(-1).tolist()))
             seams.append(f"edges:{self._path('edges')}")
         arguments = [command, "unwrap", self._path("mesh.obj"), "-o", self._path("uv.obj"), "--json", "--progress=json"]
-        arguments += ["--precision=float", f"--seams={','.join(seams)}"]
-        if options.seams == "auto":
-            arguments += [f"--max-stretch={options.max_stretch:.9g}", f"--prefer={options.prefer}"]
-        arguments += [f"--texture-size={options.texture_size}", f"--padding={options.padding}", f"--boundary={options.boundary}"]
+        arguments += ["--precision=float", f"--seams={','.join(seams)}", *options.flags()]
         arguments += [f"--label=file={sheet.name[:60]}"]
         environment = dict(os.environ)
         if settings.planishd:

@@ -61,6 +61,18 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
     texture_size: bpy.props.IntProperty(
         name="Texture Size", description="Texels per side", default=1024, min=16, max=65536, subtype="PIXEL"
     )
+    texels_per_unit: bpy.props.FloatProperty(
+        name="Texels per Unit",
+        description="Texel density on the surface; 0: as many as the texture has room for",
+        default=0,
+        min=0,
+        soft_max=4096,
+    )
+    finds_texture_size: bpy.props.BoolProperty(
+        name="Find Texture Size",
+        description="Take the smallest power of two, as the texture size, that has room for the texels per unit",
+        default=True,
+    )
     padding: bpy.props.IntProperty(
         name="Padding", description="Texels between charts, half as many at the rim", default=2, min=0, max=64, subtype="PIXEL"
     )
@@ -89,6 +101,10 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         column.active = self.cuts == "AUTO"
         column.prop(self, "prefer")
         column.prop(self, "max_stretch")
+        layout.prop(self, "texels_per_unit")
+        column = layout.column()
+        column.active = self.texels_per_unit > 0
+        column.prop(self, "finds_texture_size")
         for name in ("texture_size", "padding", "boundary", "one_atlas"):
             layout.prop(self, name)
 
@@ -161,10 +177,14 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return False
         sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
-        options = engines.Options(
-            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower(),
-            self.prefer.lower(),
-        )
+        named = {"texture_size": self.texture_size, "padding": self.padding, "boundary": self.boundary.lower()}
+        if self.cuts == "AUTO":
+            named.update(max_stretch=self.max_stretch, prefer=self.prefer.lower())
+        if self.texels_per_unit > 0:
+            named.update(texels_per_unit=self.texels_per_unit)
+            if self.finds_texture_size:
+                del named["texture_size"]
+        options = engines.Options(self.cuts.lower(), **named)
         self._batch = engines.Batch(start, sheets, options)
         self._batch.step()
         return True

@@ -174,11 +174,12 @@ struct SolverOptions {
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
   Prefer prefer = Prefer::kTexture;  // with kAuto
-  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
-                                 // Prefer::kSeams
+  double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
+                           // Prefer::kSeams
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
-  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
+  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024, or what texels_per_unit needs
+  double texels_per_unit = 0;    // texels per length on the surface, in (0, 1e9]; 0: as many as there is room for
   std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
   int tiles = 0;                 // of each atlas: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
   AtlasLayout atlas_layout = AtlasLayout::kUdim;  // with MeshView::WithFaceAtlas

@@ -1,37 +1,10 @@
 /** UV unwrapping of triangle meshes on a planish server. */
 
+import type {UnwrapOptions} from './options.js';
+
 export type Numbers = ArrayLike<number>;
 
-/** What is asked for. What is left out has the server's default. */
-export interface UnwrapOptions {
-  /** `auto`: the given seams, and as many more as keep the stretch below maxStretch; `needed`: more only where a piece cannot lie flat; `keep`: the given seams and no others; `none`: the mesh is a disc. */
-  seams?: 'auto' | 'needed' | 'keep' | 'none';
-  /** Largest root mean square stretch of a chart, with `auto`. In [1.001, 100]; 1.05. */
-  maxStretch?: number;
-  /** Edges whose faces' normals are further apart are given seams. Degrees, in (0, 180]. */
-  hardEdgeDegrees?: number;
-  /** False: charts stay as they were solved, at the surface's scale, one over the other. */
-  pack?: boolean;
-  /** Texels per side of a tile. In [16, 65536]; 1024. */
-  textureSize?: number;
-  /** Texels between charts, half as many at the rim. In [0, 64]; 2. */
-  padding?: number;
-  /** Tiles that each atlas may use, UDIM 1001, 1002, ... */
-  tiles?: number;
-  atlasLayout?: 'udim' | 'stacked';
-  effort?: 'fast' | 'normal' | 'best';
-  solver?: 'auto' | 'uzawa' | 'minres' | 'direct';
-  system?: 'auto' | 'full' | 'reduced';
-  preconditioner?: 'auto' | 'none' | 'jacobi' | 'cholesky' | 'amg';
-  hessian?: 'auto' | 'convex' | 'exact';
-  boundary?: 'free' | 'convex';
-  precision?: 'auto' | 'float' | 'double';
-  /** Radians per angle at which a solve is converged. */
-  tolerance?: number;
-  maxNewtonIterations?: number;
-  /** Threads of the job. The UV do not depend on it. */
-  threads?: number;
-}
+export type {UnwrapOptions} from './options.js';
 
 /** What belongs to corners and faces of the mesh. */
 export interface MeshElements {

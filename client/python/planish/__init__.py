@@ -43,6 +43,7 @@ from .errors import (
 from .job import (
     AtlasPart,
     AtlasReport,
+    BoundaryReport,
     Capabilities,
     ChartReport,
     ChartTotals,
@@ -62,6 +63,7 @@ from .job import (
 from .mesh import VertexSplit, split_vertices
 from .private_server import PrivateServer, close_default_server, find_planishd
 from .result import Result
+from .textures import find_command, transfer
 from .xatlas import Atlas, ChartOptions, OptionIgnored, PackOptions, export, parametrize
 
 __all__ = [
@@ -72,6 +74,7 @@ __all__ = [
     "Atlas",
     "AtlasPart",
     "AtlasReport",
+    "BoundaryReport",
     "Call",
     "Callbacks",
     "Cancelled",
@@ -116,8 +119,10 @@ __all__ = [
     "__version__",
     "close_default_server",
     "export",
+    "find_command",
     "find_planishd",
     "parametrize",
     "split_vertices",
+    "transfer",
     "unwrap",
 ]

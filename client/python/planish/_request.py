@@ -10,7 +10,7 @@ from typing import Any, Dict, Mapping, Optional
 from .errors import InvalidArgument
 from .job import Scheduling, UnwrapOptions, enum_number
 from .mesh import PackedMesh, pack_mesh
-from .v1 import job_pb2, planish_pb2
+from .v1 import options_pb2, planish_pb2
 
 #: Arguments about corners and faces of the mesh.
 OF_MESH = ("seam_edges", "seam_corners", "parts", "uncut_corners", "face_polygon", "face_atlas", "face_weights")
@@ -119,7 +119,7 @@ def _fill_options(options: UnwrapOptions, message: Any) -> None:
     for each in dataclasses.fields(UnwrapOptions):
         value = getattr(options, each.name)
         if each.name == "pack":
-            message.pack = job_pb2.PACK_ON if value else job_pb2.PACK_OFF
+            message.pack = options_pb2.PACK_ON if value else options_pb2.PACK_OFF
         elif value is not None:
             _set(message, each.name, value)
 

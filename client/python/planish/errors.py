@@ -19,6 +19,7 @@ class Error(Exception):
     ``TLS_FAILED``                    no connection, because of a certificate, or because only one side uses TLS
                                       (:class:`Unavailable`)
     ``CONNECTION_LOST``               the connection broke and re-attaching failed (:class:`Unavailable`)
+    ``COMMAND_MISSING``               the command ``planish`` was not found (:class:`Unavailable`)
     ``PRIVATE_SERVER_FAILED``         ``planishd`` was not found or did not start (:class:`Unavailable`)
     ``DEADLINE_EXCEEDED``             the ``timeout`` of the call passed (:class:`DeadlineExceeded`)
     ``CANCELLED``                     by the caller, or by somebody else on the server (:class:`Cancelled`)

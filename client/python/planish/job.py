@@ -1,7 +1,8 @@
 """Inputs and outputs of jobs, as plain dataclasses.
 
 Enumerations are strings, spelled as the command spells them: ``"auto"``, ``"solve"``; states of jobs are in capitals. A value
-that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``.
+that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``; the classes of options and
+reports are made of them by the build.
 """
 
 from __future__ import annotations
@@ -11,55 +12,27 @@ import datetime
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Optional, Type, TypeVar
 
-#: The states in which a job no longer changes, except SUCCEEDED -> EXPIRED.
+from ._job_fields import (
+    AtlasPart,
+    AtlasReport,
+    BoundaryReport,
+    ChartReport,
+    ChartTotals,
+    Progress,
+    Quality,
+    ReportFields,
+    Residual,
+    StageTimes,
+    UnwrapOptions,
+)
+
+__all__ = [
+    "AtlasPart", "AtlasReport", "BoundaryReport", "Capabilities", "ChartReport", "ChartTotals", "Event", "Job", "JobError",
+    "JobEstimate", "JobWarning", "Progress", "Quality", "Report", "Residual", "Scheduling", "StageSeconds", "UnwrapOptions",
+]  # fmt: skip
+
+#: The states in which a job never changes again, but for SUCCEEDED -> EXPIRED.
 TERMINAL_STATES = frozenset({"SUCCEEDED", "FAILED", "CANCELLED", "EXPIRED"})
-
-
-@dataclass(frozen=True)
-class UnwrapOptions:
-    """Options of an unwrap. Every field may be left out; None is the server's default."""
-
-    #: ``"auto"``: the given seams, and as many more as keep the stretch below max_stretch. ``"needed"``: more only where a
-    #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams, and slits where a piece with holes has no other map. ``"none"``: the mesh is a disc.
-    seams: str = "auto"
-    #: What ``"auto"`` cuts for: ``"seams"``, few, short and hidden ones; or ``"texture"``, charts that pack well, more of them.
-    prefer: str = "texture"
-    #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05, and 1.25 for ``"seams"``.
-    max_stretch: Optional[float] = None
-    #: Edges whose faces' normals differ by more become given seams. Degrees, in (0, 180]; None: no such edges.
-    hard_edge_degrees: Optional[float] = None
-    #: False: charts stay as solved, at the surface's scale, on top of each other.
-    pack: bool = True
-    #: Texels per side of a tile. In [16, 65536]; None: 1024.
-    texture_size: Optional[int] = None
-    #: Texels between charts, half as many at the rim. In [0, 64]; None: 2.
-    padding: Optional[int] = None
-    #: Tiles that each atlas may use, UDIM 1001, 1002, ..., ten in a row. In [1, 100]; None: 1.
-    tiles: Optional[int] = None
-    #: With `face_atlas`: ``"udim"``, each atlas has its own tiles, all have one texel density; or ``"stacked"``, all
-    #: have the same tiles, as separate textures, each as large as fits.
-    atlas_layout: str = "udim"
-    #: The cost of packing: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` about a quarter plus 0.15 ms a
-    #: chart; ``"best"``, with more charts, fifty times the rest, at least a minute.
-    effort: str = "normal"
-    #: ``"auto"``, ``"uzawa"``, ``"minres"`` or ``"direct"``.
-    solver: str = "auto"
-    #: ``"auto"``, ``"full"`` or ``"reduced"``.
-    system: str = "auto"
-    #: ``"auto"``, ``"none"``, ``"jacobi"``, ``"cholesky"`` or ``"amg"``.
-    preconditioner: str = "auto"
-    #: ``"auto"``, ``"convex"`` or ``"exact"``.
-    hessian: str = "auto"
-    #: ``"free"``, or ``"convex"``: the outline of each chart is a convex polygon.
-    boundary: str = "free"
-    #: Type of the UV: ``"float"``, ``"double"``, or ``"auto"``: float unless that flips triangles that double keeps.
-    precision: str = "auto"
-    #: Radians per angle at which a solve is converged. In (0, 1e-2]; None: 1e-9.
-    tolerance: Optional[float] = None
-    #: In [1, 1000]; None: 100.
-    max_newton_iterations: Optional[int] = None
-    #: Threads of the job. In [1, 256], at most what the server allows; None: that many. The UV do not depend on it.
-    threads: Optional[int] = None
 
 
 @dataclass(frozen=True)
@@ -77,134 +50,10 @@ class Scheduling:
 
 
 @dataclass(frozen=True)
-class Residual:
-    """Largest residual of each kind of constraint and of the gradient, in radians (wheel: a logarithm)."""
+class StageSeconds(StageTimes):
+    """Wall-clock seconds. Those of the stages are the server's; the rest is as this client saw it."""
 
-    triangle: float = 0.0
-    vertex: float = 0.0
-    wheel: float = 0.0
-    gradient: float = 0.0
-
-
-@dataclass(frozen=True)
-class Progress:
-    """A job's progress at one moment."""
-
-    #: ``"decode"``, ``"charts"``, ``"solve"``, ``"layout"``, ``"pack"``, ``"verify"`` or ``"encode"``.
-    stage: str = "unspecified"
-    chart: int = 0  #: 0-based
-    chart_count: int = 0
-    newton_iteration: int = 0  #: completed
-    linear_iterations: int = 0  #: over all Newton steps so far
-    linear_residual: float = 0.0  #: relative, of the present linear solve; 0 between solves
-    residual: Residual = field(default_factory=Residual)  #: after newton_iteration steps
-    energy: float = 0.0
-    step_length: float = 0.0  #: fraction of the last Newton step that was taken
-    elapsed_seconds: float = 0.0  #: since the worker began
-    tolerance: float = 0.0  #: largest residual that ends the solve as converged
-    stage_fraction: float = 0.0  #: of the stage that is done, roughly; 0 in stages that do not tell
-
-
-@dataclass(frozen=True)
-class ChartReport:
-    """How one chart was flattened."""
-
-    chart: int = 0  #: its number, 0-based
-    triangles: int = 0
-    method: str = ""
-    solver: str = "unspecified"
-    system: str = "unspecified"
-    preconditioner: str = "unspecified"
-    preconditioner_note: str = ""
-    hessian: str = "unspecified"
-    converged: bool = False
-    newton_iterations: int = 0
-    linear_iterations: int = 0
-    residual: Residual = field(default_factory=Residual)
-    stop_message: str = ""
-    abf_energy: float = 0.0
-    barrier: float = 0.0
-    stretch_l2: float = 1.0
-    #: The largest residual at the start of Newton's method and after each step; empty from older servers.
-    newton_residuals: List[float] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class ChartTotals:
-    """Over all charts of a job."""
-
-    charts: int = 0
-    not_converged: int = 0
-    newton_iterations: int = 0
-    linear_iterations: int = 0
-    residual: Residual = field(default_factory=Residual)
-    stretch_l2_max: float = 1.0
-    #: After each Newton step, the largest of any chart; a chart that needed fewer steps counts with its last.
-    newton_residuals: List[float] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class AtlasPart:
-    """One of several atlases."""
-
-    atlas: int = 0  #: its number in `face_atlas`
-    triangles: int = 0
-    charts: int = 0  #: 0 where its triangles are without area
-    first_tile: int = 0  #: 0 is UDIM 1001
-    tiles: int = 1  #: from first_tile to the last that is used
-    texels_per_unit: float = 0.0  #: of length on the surface, at weight 1
-    packing_efficiency: float = 0.0  #: area of the triangles over that of the tiles
-
-
-@dataclass(frozen=True)
-class AtlasReport:
-    """The packed charts. Lengths are in texels of the requested texture."""
-
-    pack: str = "on"  #: or "off"
-    texture_size: int = 0
-    padding: int = 0
-    tiles: int = 1  #: up to the last that is used
-    #: Per length on the surface, at weight 1, the least of all atlases; 0 without packing.
-    texels_per_unit: float = 0.0
-    effort: str = "normal"
-    layout: str = "udim"
-    atlases: List[AtlasPart] = field(default_factory=list)  #: with `face_atlas`: one for each number, 1024 at most
-    padding_kept: float = 0.0  #: texels that are free between charts: `padding`, or less where there was no room
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Measured on the delivered UV with exact predicates."""
-
-    flipped: int = 0
-    degenerate: int = 0
-    overlapping: int = 0  #: pairs of UV triangles whose interiors meet
-    angle_error_mean_deg: float = 0.0
-    angle_error_max_deg: float = 0.0
-    abf_energy: float = 0.0
-    conformal_distortion_mean: float = 1.0
-    conformal_distortion_max: float = 1.0
-    stretch_l2: float = 1.0
-    packing_efficiency: float = 0.0
-    seam_length: float = 0.0  #: on the surface, over the square root of its area
-    visible_seam_length: float = 0.0  #: the same, each edge weighted by how much of its surroundings is open, 0 to 1
-    seam_turn_deg: float = 0.0  #: mean angle by which seams turn from edge to edge; 0: straight
-    seam_symmetry: Optional[float] = None  #: share of the seams whose mirror image is a seam; None without mirror plane
-
-
-@dataclass(frozen=True)
-class StageSeconds:
-    """Wall-clock seconds: upload (check, send, accept), download and total as this client saw them, the rest as the server did."""
-
-    upload: float = 0.0
-    queue: float = 0.0
-    decode: float = 0.0
-    charts: float = 0.0
-    solve: float = 0.0
-    layout: float = 0.0
-    pack: float = 0.0
-    verify: float = 0.0
-    encode: float = 0.0
+    upload: float = 0.0  #: check, send, accept
     download: float = 0.0
     total: float = 0.0
 
@@ -219,20 +68,12 @@ class JobWarning:
 
 
 @dataclass(frozen=True)
-class Report:
-    """The report of an unwrap."""
+class Report(ReportFields):
+    """What became of the mesh."""
 
     triangles: int = 0
     vertices: int = 0
-    #: One for each chart, ascending; if there are more than 1024, those that did not converge, then those with the
-    #: largest stretch.
-    charts: List[ChartReport] = field(default_factory=list)
-    chart_totals: ChartTotals = field(default_factory=ChartTotals)
-    atlas: AtlasReport = field(default_factory=AtlasReport)
-    quality: Quality = field(default_factory=Quality)
     seconds: StageSeconds = field(default_factory=StageSeconds)
-    peak_memory_bytes: int = 0
-    threads: int = 0  #: that the job could use
     warnings: List[JobWarning] = field(default_factory=list)
 
 
@@ -323,6 +164,7 @@ _T = TypeVar("_T")
 _NESTED: Dict[str, Type[Any]] = {
     "planish.v1.Residual": Residual,
     "planish.v1.Progress": Progress,
+    "planish.v1.BoundaryReport": BoundaryReport,
     "planish.v1.ChartReport": ChartReport,
     "planish.v1.ChartTotals": ChartTotals,
     "planish.v1.Atlas": AtlasReport,
@@ -401,14 +243,9 @@ def _job_error(status: Any) -> JobError:
 
 def _report(message: Any) -> Report:
     return Report(
+        **{each.name: _value(message, message.DESCRIPTOR.fields_by_name[each.name]) for each in dataclasses.fields(ReportFields)},
         triangles=message.input.triangles,
         vertices=message.input.vertices,
-        charts=[from_proto(ChartReport, chart) for chart in message.charts],
-        chart_totals=from_proto(ChartTotals, message.chart_totals),
-        atlas=from_proto(AtlasReport, message.atlas),
-        quality=from_proto(Quality, message.quality),
         seconds=from_proto(StageSeconds, message.times),
-        peak_memory_bytes=message.peak_memory_bytes,
-        threads=message.threads,
         warnings=[from_proto(JobWarning, warning) for warning in message.warnings],
     )

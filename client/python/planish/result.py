@@ -11,7 +11,7 @@ import numpy as np
 from .errors import DataLoss, FailedPrecondition
 from .job import ChartReport, JobWarning, Report
 from .mesh import PackedMesh, VertexSplit, chart_of_faces, split_vertices
-from .v1 import job_pb2
+from .v1 import options_pb2
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -71,7 +71,7 @@ def parse_uv(description: Any, data: bytearray, mesh: Optional[PackedMesh]) -> A
     corners = description.corner_count
     if mesh is not None and corners != 3 * mesh.triangle_count:
         raise _corrupt(f"{corners} corners for {mesh.triangle_count} triangles")
-    kind = np.dtype("<f8" if description.precision == job_pb2.PRECISION_DOUBLE else "<f4")
+    kind = np.dtype("<f8" if description.precision == options_pb2.PRECISION_DOUBLE else "<f4")
     if len(data) != 2 * corners * kind.itemsize:
         raise _corrupt(f"{len(data)} bytes instead of {2 * corners * kind.itemsize}")
     if hashlib.sha256(data).digest() != description.uv_sha256:

@@ -256,6 +256,16 @@ class AddOn(unittest.TestCase):
         for each in (small, large):
             self.assert_proper(each.data)
 
+    def test_texels_per_unit(self):
+        mesh = self.cube(size=2).data
+        for PREFERENCES.engine in ENGINES:
+            unwrap(texels_per_unit=100, finds_texture_size=False, texture_size=1024)
+            self.assertAlmostEqual(1024 * np.sqrt(support.uv_areas(corner_uv(mesh).astype(float)).sum() / 24), 100, 3)
+            unwrap(texels_per_unit=100, texture_size=64)  # in 1024 texels: six squares of 200 do not fit into 512
+            self.assertAlmostEqual(1024 * np.sqrt(support.uv_areas(corner_uv(mesh).astype(float)).sum() / 24), 100, 3)
+            with self.assertRaisesRegex(RuntimeError, "of the 1000 asked for"):
+                unwrap(texels_per_unit=1000, finds_texture_size=False, texture_size=1024)
+
     def test_edit_mode(self):
         monkey = self.monkey()
         unwrap()

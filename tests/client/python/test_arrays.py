@@ -1,5 +1,6 @@
 """What needs no server: arrays, seams, splitting, options, errors, patience."""
 
+import dataclasses
 import os
 import pickle
 import random
@@ -12,11 +13,12 @@ import numpy as np
 
 import planish
 import support
+from planish import job
 from planish._connection import Connection, ConnectionOptions
 from planish._request import new_job, spec_message
 from planish._retry import Deadline, Patience, RetryPolicy
 from planish.mesh import chart_of_faces, pack_mesh
-from planish.v1 import job_pb2
+from planish.v1 import job_pb2, options_pb2
 
 
 class Arrays(unittest.TestCase):
@@ -117,6 +119,68 @@ class Arrays(unittest.TestCase):
         packed = np.frombuffer(pack_mesh(stray, triangles).positions, "<f4").reshape(-1, 3)[:-1].astype(float)
         self.assertLess(np.abs(packed - packed[0] - corners).max(), 1e-8, "a vertex without a triangle does not count")
 
+    def test_every_option_is_a_keyword(self):
+        for described in options_pb2.UnwrapOptions.DESCRIPTOR.fields:
+            default = getattr(planish.UnwrapOptions(), described.name)
+            if described.enum_type is None:
+                value = 64 if described.type == described.TYPE_INT32 else 0.5
+            elif isinstance(default, bool):
+                value = not default
+            else:
+                names = (job.enum_name(described.enum_type, each.number) for each in described.enum_type.values if each.number)
+                value = next(name for name in names if name != default)
+            given = new_job(None, None, None, None, None, "", {described.name: value})
+            with self.subTest(described.name):
+                sent, plain = (spec_message(each, None).options for each in (given, new_job(None, None, None, None, None, "", {})))
+                self.assertNotEqual(getattr(sent, described.name), getattr(plain, described.name))
+
+    def test_every_field_of_a_report_arrives(self):
+        marks = {}
+
+        def fill(message):
+            for described in message.DESCRIPTOR.fields:
+                mark = marks[described.full_name] = 100 + len(marks)
+                repeated = described.label == described.LABEL_REPEATED
+                if described.message_type is not None:
+                    del marks[described.full_name]
+                    if described.message_type.GetOptions().map_entry:
+                        continue
+                    own = getattr(message, described.name)
+                    own = own.add() if repeated else own
+                    if described.message_type.name == "Duration":
+                        own.seconds = marks[described.full_name] = mark
+                    else:
+                        own.SetInParent()
+                        fill(own)
+                elif described.enum_type is not None:
+                    last = described.enum_type.values[-1]
+                    setattr(message, described.name, last.number)
+                    marks[described.full_name] = job.enum_name(described.enum_type, last.number)
+                elif described.type == described.TYPE_STRING:
+                    marks[described.full_name] = f"text {mark}"
+                    setattr(message, described.name, f"text {mark}")
+                elif described.type == described.TYPE_BOOL:
+                    marks[described.full_name] = True
+                    setattr(message, described.name, True)
+                elif repeated:
+                    getattr(message, described.name).append(mark)
+                else:
+                    setattr(message, described.name, mark)
+
+        def values(of):
+            if isinstance(of, (dict, list)):
+                for each in of.values() if isinstance(of, dict) else of:
+                    yield from values(each)
+            else:
+                yield of
+
+        message = job_pb2.Job()
+        fill(message.report)
+        fill(message.progress)
+        found = set(values(dataclasses.asdict(job.from_proto(planish.Job, message))))
+        self.assertGreater(len(marks), 80)
+        self.assertEqual({name: mark for name, mark in marks.items() if mark not in found}, {})
+
     def test_names_of_options(self):
         with self.assertRaisesRegex(TypeError, "'paddding'"):
             new_job(None, None, None, None, None, "", {"paddding": 3})
@@ -127,10 +191,10 @@ class Arrays(unittest.TestCase):
         given = planish.UnwrapOptions(padding=np.int64(0), pack=False, solver="minres", seams="keep")
         options = spec_message(new_job(None, None, given, None, None, "", {"seams": "none"}), None).options
         self.assertTrue(options.HasField("padding"))
-        self.assertEqual((options.pack, options.solver, options.seams), (job_pb2.PACK_OFF, job_pb2.SOLVER_MINRES, job_pb2.SEAMS_NONE))
+        self.assertEqual((options.pack, options.solver, options.seams), (options_pb2.PACK_OFF, options_pb2.SOLVER_MINRES, options_pb2.SEAMS_NONE))
 
     def test_every_option_of_the_api_is_there(self):
-        names = set(job_pb2.UnwrapOptions.DESCRIPTOR.fields_by_name)
+        names = set(options_pb2.UnwrapOptions.DESCRIPTOR.fields_by_name)
         self.assertEqual(names, set(planish.UnwrapOptions.__dataclass_fields__))
 
 

@@ -82,6 +82,20 @@ class Unwrap(WithServer):
         np.testing.assert_array_equal(split.uv[split.triangles], result.uv)
         np.testing.assert_array_equal(split.source_vertex[split.triangles], triangles)
 
+    def test_texels_per_unit(self):
+        mesh = support.ball()
+        result = self.client.unwrap(*mesh, texels_per_unit=300)
+        atlas = result.report.atlas
+        self.check(result, mesh[1])
+        self.assertAlmostEqual(atlas.texels_per_unit, 300, 4)
+        self.assertIn(atlas.texture_size, (1024, 2048))  # a ball of radius 1 has an area of 12.6
+        with self.assertRaises(planish.InvalidArgument) as raised:
+            self.client.unwrap(*mesh, texels_per_unit=300, texture_size=atlas.texture_size // 2)
+        self.assertEqual(raised.exception.metadata["field"], "texels_per_unit")
+        most = float(raised.exception.metadata["most"])
+        self.assertTrue(100 < most < 300, most)
+        self.assertIn(f"{most / 300:.3g} of the 300 asked for", str(raised.exception))
+
     def test_uv_are_those_of_the_command(self):
         positions, triangles = support.ball()
         positions = np.insert(positions, [0, 40, 40], [9.0, 9.0, 9.0], axis=0)  # vertices without a triangle
@@ -89,7 +103,9 @@ class Unwrap(WithServer):
         with tempfile.TemporaryDirectory() as directory:
             ins, out = os.path.join(directory, "in.obj"), os.path.join(directory, "out.obj")
             support.write_obj(ins, positions, triangles)
-            for flags, options in (([], {}), (["--max-stretch=1.01", "--padding=5"], {"max_stretch": 1.01, "padding": 5})):
+            some = (["--max-stretch=1.01", "--padding=5", "--texture-size=auto", "--texels-per-unit=99"],
+                    {"max_stretch": 1.01, "padding": 5, "texels_per_unit": 99})  # fmt: skip
+            for flags, options in (([], {}), some):
                 command = [support.PLANISH, "unwrap", ins, "-o", out, f"--server={self.server.target}", *flags]
                 subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
                 _, faces, uv = support.read_obj(out)
@@ -391,12 +407,12 @@ class Damage(unittest.TestCase):
 
     def parse(self, **changes):
         from planish.result import parse_uv
-        from planish.v1 import job_pb2
+        from planish.v1 import job_pb2, options_pb2
 
         data = np.arange(12, dtype=np.float32).tobytes()
         mesh = planish.mesh.pack_mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]])
         fields = {"corner_count": 6, "uv_sha256": hashlib.sha256(data).digest(), "mesh_sha256": mesh.sha256()}
-        description = job_pb2.UvDescription(**{**fields, "precision": job_pb2.PRECISION_FLOAT, **changes})
+        description = job_pb2.UvDescription(**{**fields, "precision": options_pb2.PRECISION_FLOAT, **changes})
         return parse_uv(description, bytearray(data), mesh)
 
     def test_is_noticed(self):

@@ -15,7 +15,7 @@ from google.protobuf import any_pb2, duration_pb2, empty_pb2
 import planish
 import support
 from planish.rpc import error_details_pb2, status_pb2
-from planish.v1 import job_pb2, planish_pb2, planish_pb2_grpc
+from planish.v1 import job_pb2, options_pb2, planish_pb2, planish_pb2_grpc
 
 MESH = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32)
 UV = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]], np.float32)
@@ -51,7 +51,7 @@ def event(kind, sequence, state, **more):
 
 
 def succeeded(kind, sequence, **more):
-    uv = {"precision": job_pb2.PRECISION_FLOAT, "corner_count": 3, "total_bytes": 24, "mesh_sha256": MESH_SHA256}
+    uv = {"precision": options_pb2.PRECISION_FLOAT, "corner_count": 3, "total_bytes": 24, "mesh_sha256": MESH_SHA256}
     uv["uv_sha256"] = hashlib.sha256(UV.tobytes()).digest()
     uv.update(more)
     description = job_pb2.UvDescription(**uv)

@@ -4,7 +4,10 @@
 
 #include "core/base/error.h"
 #include "gmock/gmock.h"
+#include "google/protobuf/descriptor.h"
+#include "google/protobuf/message.h"
 #include "gtest/gtest.h"
+#include "planish/v1/about.pb.h"
 
 namespace planish {
 namespace {
@@ -94,76 +97,54 @@ TEST(Options, EverythingSetArrives) {
   EXPECT_EQ(core->threads, 3);
 }
 
-TEST(Options, UnknownEnumeratorsNameTheirField) {
-  v1::UnwrapOptions options;
-  options.set_seams(static_cast<v1::Seams>(99));
-  EXPECT_EQ(BadField(options), "seams");
-  options.clear_seams();
-  options.set_pack(static_cast<v1::Pack>(99));
-  EXPECT_EQ(BadField(options), "pack");
-  options.clear_pack();
-  options.set_effort(static_cast<v1::Effort>(99));
-  EXPECT_EQ(BadField(options), "effort");
-  options.clear_effort();
-  options.set_solver(static_cast<v1::Solver>(99));
-  EXPECT_EQ(BadField(options), "solver");
-  options.clear_solver();
-  options.set_system(static_cast<v1::System>(99));
-  EXPECT_EQ(BadField(options), "system");
-  options.clear_system();
-  options.set_preconditioner(static_cast<v1::Preconditioner>(-1));
-  EXPECT_EQ(BadField(options), "preconditioner");
-  options.clear_preconditioner();
-  options.set_hessian(static_cast<v1::Hessian>(99));
-  EXPECT_EQ(BadField(options), "hessian");
-  options.clear_hessian();
-  options.set_boundary(static_cast<v1::Boundary>(99));
-  EXPECT_EQ(BadField(options), "boundary");
-  options.clear_boundary();
-  options.set_precision(static_cast<v1::Precision>(99));
-  EXPECT_EQ(BadField(options), "precision");
-}
+using google::protobuf::FieldDescriptor;
 
-TEST(Options, NumbersOutOfRangeNameTheirField) {
-  for (const double tolerance :
-       {-1.0, 0.011, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-    v1::UnwrapOptions options;
-    options.set_tolerance(tolerance);
-    EXPECT_EQ(BadField(options), "tolerance") << tolerance;
-  }
-  for (const int iterations : {-1, 1001}) {
-    v1::UnwrapOptions options;
-    options.set_max_newton_iterations(iterations);
-    EXPECT_EQ(BadField(options), "max_newton_iterations") << iterations;
-  }
-  for (const int threads : {-1, 257}) {
-    v1::UnwrapOptions options;
-    options.set_threads(threads);
-    EXPECT_EQ(BadField(options), "threads") << threads;
+void SetNumber(const FieldDescriptor& field, double value, v1::UnwrapOptions* options) {
+  if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
+    options->GetReflection()->SetDouble(options, &field, value);
+  } else {
+    options->GetReflection()->SetInt32(options, &field, static_cast<int>(value));
   }
 }
 
-TEST(Options, SeamAndAtlasNumbersOutOfRangeNameTheirField) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const auto with = [](const auto& set) {
-    v1::UnwrapOptions options;
-    set(options);
-    return BadField(options);
-  };
-  for (const double stretch : {-1.0, 1.0, 100.5, nan}) {
-    EXPECT_EQ(with([&](auto& o) { o.set_max_stretch(stretch); }), "max_stretch") << stretch;
+TEST(Options, EveryOneIsRefusedOutOfTheRangeInTheProto) {
+  for (int i = 0; i < v1::UnwrapOptions::descriptor()->field_count(); ++i) {
+    const FieldDescriptor* const field = v1::UnwrapOptions::descriptor()->field(i);
+    const v1::About& about = field->options().GetExtension(v1::about);
+    if (field->enum_type() != nullptr) {
+      v1::UnwrapOptions options;
+      options.GetReflection()->SetEnumValue(&options, field, 99);
+      EXPECT_EQ(BadField(options), field->name());
+      // The core has every value that is not out of range.
+      for (int k = 1; k < field->enum_type()->value_count(); ++k) {
+        v1::UnwrapOptions known;
+        known.GetReflection()->SetEnum(&known, field, field->enum_type()->value(k));
+        EXPECT_TRUE(ValidateOptions(known).ok()) << field->enum_type()->value(k)->name();
+      }
+      continue;
+    }
+    ASSERT_TRUE(about.has_min() && about.has_max()) << field->name() << " has no range";
+    for (const double beyond : {about.min() - 2, about.max() + 1}) {
+      v1::UnwrapOptions options;
+      SetNumber(*field, beyond, &options);
+      EXPECT_EQ(BadField(options), field->name()) << beyond;
+    }
+    // The core takes what the proto allows.
+    for (const double within : {about.above_min() ? about.max() / 2 : about.min(), about.max()}) {
+      v1::UnwrapOptions options;
+      SetNumber(*field, within, &options);
+      EXPECT_TRUE(ValidateOptions(options).ok()) << field->name() << " " << ValidateOptions(options);
+    }
   }
-  for (const double degrees : {-1.0, 180.5, nan}) {
-    EXPECT_EQ(with([&](auto& o) { o.set_hard_edge_degrees(degrees); }), "hard_edge_degrees") << degrees;
-  }
-  for (const int size : {-1, 15, 65537}) {
-    EXPECT_EQ(with([&](auto& o) { o.set_texture_size(size); }), "texture_size") << size;
-  }
-  for (const int padding : {-1, 65}) {
-    EXPECT_EQ(with([&](auto& o) { o.set_padding(padding); }), "padding") << padding;
-  }
-  for (const int tiles : {-1, 101}) {
-    EXPECT_EQ(with([&](auto& o) { o.set_tiles(tiles); }), "tiles") << tiles;
+}
+
+TEST(Options, WhatIsNoNumberIsOutOfRange) {
+  for (const double number : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const char* name : {"tolerance", "max_stretch", "hard_edge_degrees", "texels_per_unit"}) {
+      v1::UnwrapOptions options;
+      SetNumber(*v1::UnwrapOptions::descriptor()->FindFieldByName(name), number, &options);
+      EXPECT_EQ(BadField(options), name) << number;
+    }
   }
 }
 

@@ -1,0 +1,451 @@
+#include "client/files/surface_projection.h"
+
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "Eigen/Geometry"
+#include "client/files/gltf_accessor.h"
+#include "client/files/gltf_attribute.h"
+#include "client/files/gltf_material.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/gltf_patch.h"
+#include "client/files/obj_materials.h"
+#include "client/files/ply_format.h"
+#include "client/files/texture_files.h"
+#include "client/files/writers.h"
+#include "client/texture/projection_baker.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+using Rgb = std::array<float, 3>;
+
+float Linear(double srgb) {
+  return static_cast<float>(srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4));
+}
+
+// Per vertex the mean of the normals of its faces, weighted by their angles there.
+std::vector<Vec3> SmoothNormals(const std::vector<Vec3>& positions, const std::vector<Face>& faces) {
+  std::vector<Vec3> normals(positions.size(), Vec3::Zero());
+  for (const Face& face : faces) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto vertex = static_cast<std::size_t>(face[k]);
+      const Vec3 a = positions[static_cast<std::size_t>(face[(k + 1) % 3])] - positions[vertex];
+      const Vec3 b = positions[static_cast<std::size_t>(face[(k + 2) % 3])] - positions[vertex];
+      const Vec3 cross = a.cross(b);
+      const double area = cross.norm();
+      if (area > 0 && std::isfinite(area)) normals[vertex] += std::atan2(area, a.dot(b)) / area * cross;
+    }
+  }
+  return normals;
+}
+
+Rgb ToRgb(const Vec3& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+// What `from` shows, and what it is made of.
+struct ProjectedLooks {
+  Triangulation triangles;
+  ProjectionSource source;
+  std::vector<TextureImage> images;  // decoded; the source refers to them
+};
+
+class LooksReader {
+ public:
+  LooksReader(const MeshFile& file, const OutputOptions& options, ProjectedLooks* looks)
+      : file_(file), options_(options), looks_(*looks), corners_(file.mesh.corner_vertex.size()) {}
+
+  absl::Status Read() {
+    looks_.triangles = Triangulate(file_.mesh);
+    const std::vector<Vec3> smooth = SmoothNormals(looks_.triangles.mesh.positions, looks_.triangles.mesh.faces);
+    for (const Face& face : looks_.triangles.mesh.faces) {
+      for (const std::int32_t v : face) looks_.source.normals.push_back(ToRgb(smooth[static_cast<std::size_t>(v)]));
+    }
+    switch (file_.format) {
+      case MeshFormat::kGltf:
+      case MeshFormat::kGlb:
+        PLANISH_RETURN_IF_ERROR(ReadGltfLooks());
+        break;
+      case MeshFormat::kObj:
+        PLANISH_RETURN_IF_ERROR(ReadObjLooks());
+        break;
+      case MeshFormat::kPly:
+        PLANISH_RETURN_IF_ERROR(ReadPlyLooks());
+        break;
+      default:
+        break;
+    }
+    looks_.source.mesh = &looks_.triangles.mesh;
+    for (std::size_t i = 0; i < looks_.images.size(); ++i) {
+      looks_.source.images[i].image = &looks_.images[i];
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  // Of the file's corners to those of the triangles.
+  template <typename T>
+  std::vector<T> OfTriangles(const std::vector<T>& of_corner) const {
+    std::vector<T> result;
+    for (const std::int64_t corner : looks_.triangles.corner_of_triangle) {
+      result.push_back(of_corner[static_cast<std::size_t>(corner)]);
+    }
+    return result;
+  }
+  void SetImages(const std::vector<std::int32_t>& of_polygon, const std::vector<Vec2>& of_corner) {
+    if (looks_.images.empty()) return;
+    const std::vector<Vec2> uv = OfTriangles(of_corner);
+    for (std::size_t f = 0; f < looks_.triangles.mesh.faces.size(); ++f) {
+      looks_.source.face_image.push_back(of_polygon[static_cast<std::size_t>(looks_.triangles.source_polygon[f])]);
+      looks_.source.uv.push_back({uv[3 * f], uv[3 * f + 1], uv[3 * f + 2]});
+    }
+  }
+  absl::StatusOr<std::int32_t> AddImage(const std::string& bytes, const std::string& name, TextureSource source) {
+    PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, name));
+    // Numbers of four bytes, four a texel.
+    memory_ += header.bytes() + 16 * header.texels();
+    if (options_.textures.memory > 0 && memory_ > options_.textures.memory) {
+      return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
+                       name + ": with the images before it, it takes " + std::to_string(memory_ / 1000000) +
+                           " MB of memory, and the limit is " + std::to_string(options_.textures.memory / 1000000) +
+                           " MB; --memory raises it",
+                       {{"image", name}, {"bytes", std::to_string(memory_)}});
+    }
+    PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, name));
+    looks_.images.push_back(std::move(image));
+    looks_.source.images.push_back(source);
+    return static_cast<std::int32_t>(looks_.images.size()) - 1;
+  }
+
+  absl::Status ReadGltfLooks() {
+    const GltfMesh& gltf = *file_.gltf;
+    const Json& root = gltf.document.json;
+    std::vector<Rgb> normals(corners_, Rgb{0, 0, 0}), colors(corners_, Rgb{1, 1, 1});
+    std::vector<Vec2> uv(corners_, Vec2::Zero());
+    std::vector<std::int32_t> image_of(static_cast<std::size_t>(file_.mesh.num_polygons()), -1);
+    std::map<std::int64_t, std::int32_t> image_of_material;
+    bool has_colors = false;
+    for (const GltfPrimitive& primitive : gltf.primitives) {
+      const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
+      const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
+      bool are_given = false;
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> own, CornerNormals(gltf, primitive, &are_given));
+      for (std::size_t c = 0; c < count; ++c) normals[first + c] = {own[3 * c], own[3 * c + 1], own[3 * c + 2]};
+      has_normals_ |= are_given;
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<float> vertex, ReadVertexAttribute(gltf, primitive, "COLOR_0", 3));
+      const Json& json = PrimitiveJson(root, primitive);
+      const std::int64_t material = json.contains("material") ? json["material"].get<std::int64_t>() : -1;
+      Rgb factor = {1, 1, 1};
+      PLANISH_ASSIGN_OR_RETURN(const Json* materials, GltfArray(gltf.document, "materials"));
+      if (material >= 0 && material < static_cast<std::int64_t>(materials->size())) {
+        const Json* const pbr = GltfObject((*materials)[static_cast<std::size_t>(material)], "pbrMetallicRoughness");
+        const Json given = pbr == nullptr ? Json() : pbr->value("baseColorFactor", Json());
+        for (std::size_t k = 0; k < 3 && given.is_array() && k < given.size(); ++k) {
+          if (given[k].is_number()) factor[k] = static_cast<float>(given[k].get<double>());
+        }
+        has_colors |= given.is_array();
+      }
+      has_colors |= !vertex.empty();
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto v = 3 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
+        for (std::size_t k = 0; k < 3; ++k) {
+          colors[first + c][k] = factor[k] * (vertex.empty() ? 1.0F : vertex[v + k]);
+        }
+      }
+      for (const GltfTextureUse& use : TextureUses(root, material)) {
+        if (use.slot != "baseColorTexture" || use.texcoord < 0) continue;
+        PLANISH_ASSIGN_OR_RETURN(
+            const std::vector<float> texcoords,
+            ReadVertexAttribute(gltf, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
+        const std::vector<GltfTextureSource> sources = TextureSources(root, use.texture);
+        if (texcoords.empty() || sources.empty()) continue;
+        if (!image_of_material.contains(material)) {
+          const std::string name = file_.path + ": " + use.name;
+          PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
+                                   GltfImageBytes(gltf.document, sources[0].image, options_.textures.allow_outside));
+          const auto [wrap_u, wrap_v] = TextureWraps(root, use.texture);
+          PLANISH_ASSIGN_OR_RETURN(image_of_material[material], AddImage(bytes, name, {nullptr, nullptr, wrap_u, wrap_v}));
+        }
+        const std::array<double, 6>& m = use.transform;
+        for (std::size_t c = 0; c < count; ++c) {
+          const auto v = 2 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
+          const Vec2 p(texcoords[v], texcoords[v + 1]);
+          uv[first + c] = Vec2(m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]);
+          image_of[(first + c) / 3] = image_of_material[material];
+        }
+      }
+    }
+    if (has_normals_) looks_.source.normals = OfTriangles(normals);
+    if (has_colors) looks_.source.colors = OfTriangles(colors);
+    SetImages(image_of, uv);
+    return absl::OkStatus();
+  }
+
+  absl::Status ReadObjLooks() {
+    const PolygonMesh& mesh = file_.mesh;
+    if (mesh.polygon_material.empty() || mesh.corner_texcoord.empty()) return absl::OkStatus();
+    std::map<std::string, std::pair<std::string, MtlMap>> maps;  // by material: the folder, and what it reads
+    for (const std::string& library : MaterialLibraries(file_.bytes)) {
+      const absl::StatusOr<std::string> text = ReadImageFile(file_.path, library, options_.textures.allow_outside);
+      if (!text.ok()) continue;
+      for (const MtlMaterial& material : ParseMtl(*text).materials) {
+        for (const MtlMap& map : material.maps) {
+          if (map.meaning == TextureMeaning::kColor && map.keyword.ends_with("Kd")) {
+            maps.emplace(material.name, std::pair(std::filesystem::path(library).parent_path().string(), map));
+          }
+        }
+      }
+    }
+    std::map<std::int32_t, std::int32_t> images;
+    std::vector<std::int32_t> image_of;
+    std::vector<Vec2> uv(corners_, Vec2::Zero());
+    for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
+      const std::int32_t id = mesh.polygon_material[static_cast<std::size_t>(p)];
+      const auto found = id < 0 ? maps.end() : maps.find(mesh.material_names[static_cast<std::size_t>(id)]);
+      image_of.push_back(-1);
+      if (found == maps.end()) continue;
+      const auto& [folder, map] = found->second;
+      if (!images.contains(id)) {
+        const std::string name = (std::filesystem::path(folder) / map.file).string();
+        PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
+                                 ReadImageFile(file_.path, name, options_.textures.allow_outside));
+        const TextureWrap wrap = map.clamp ? TextureWrap::kClamp : TextureWrap::kRepeat;
+        PLANISH_ASSIGN_OR_RETURN(images[id], AddImage(bytes, file_.path + ": " + name, {nullptr, nullptr, wrap, wrap}));
+      }
+      image_of.back() = images[id];
+      for (auto c = static_cast<std::size_t>(mesh.polygon_begin[static_cast<std::size_t>(p)]);
+           c < static_cast<std::size_t>(mesh.polygon_begin[static_cast<std::size_t>(p) + 1]); ++c) {
+        const std::int32_t texcoord = mesh.corner_texcoord[c];
+        if (texcoord < 0) continue;
+        const Vec2& value = mesh.texcoords[static_cast<std::size_t>(texcoord)];
+        uv[c] = Vec2(map.scale[0] * value.x() + map.offset[0], 1 - (map.scale[1] * value.y() + map.offset[1]));
+      }
+    }
+    SetImages(image_of, uv);
+    return absl::OkStatus();
+  }
+
+  // Properties red, green and blue of vertices: 0 to 255 as screens show them, or 0 to 1.
+  absl::Status ReadPlyLooks() {
+    PLANISH_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file_.path, file_.bytes));
+    PLANISH_ASSIGN_OR_RETURN(const PlyLayout layout, FindPlyLayout(file_.path, header));
+    PlyValues values(file_.path, file_.bytes, header);
+    std::vector<Rgb> of_vertex;
+    for (std::size_t e = 0; e <= layout.vertex; ++e) {
+      const PlyElement& element = header.elements[e];
+      int found = 0;
+      for (std::int64_t i = 0; i < element.count; ++i) {
+        Rgb rgb = {1, 1, 1};
+        for (const PlyProperty& property : element.properties) {
+          constexpr const char* kNames[] = {"red", "green", "blue"};
+          int channel = 0;
+          while (channel < 3 && property.name != kNames[channel]) ++channel;
+          if (e != layout.vertex || channel == 3 || property.is_list) {
+            PLANISH_RETURN_IF_ERROR(values.SkipProperty({element.name.c_str(), i}, property));
+            continue;
+          }
+          double value = 0;
+          PLANISH_RETURN_IF_ERROR(values.ReadDouble({element.name.c_str(), i}, property.type, &value));
+          rgb[static_cast<std::size_t>(channel)] = Linear(IsInteger(property.type) ? value / 255 : value);
+          ++found;
+        }
+        if (e == layout.vertex) of_vertex.push_back(rgb);
+      }
+      if (e == layout.vertex && found < 3) return absl::OkStatus();
+    }
+    const std::vector<std::int32_t>& vertices =
+        file_.mesh.corner_file_vertex.empty() ? file_.mesh.corner_vertex : file_.mesh.corner_file_vertex;
+    std::vector<Rgb> colors;
+    for (const std::int32_t v : vertices) colors.push_back(of_vertex[static_cast<std::size_t>(v)]);
+    looks_.source.colors = OfTriangles(colors);
+    return absl::OkStatus();
+  }
+
+  const MeshFile& file_;
+  const OutputOptions& options_;
+  ProjectedLooks& looks_;
+  const std::size_t corners_;
+  bool has_normals_ = false;
+  std::int64_t memory_ = 0;
+};
+
+std::string OnePixel(const std::array<std::uint8_t, 3>& rgb) {
+  TextureImage image;
+  image.header = {ImageKind::kPng, 1, 1, 3, 8};
+  image.texels.assign(rgb.begin(), rgb.end());
+  return EncodeImage(image).value_or("");
+}
+
+// `to` as a GLB whose only material has an image of colours and one of normals, of one texel each; with normals and
+// tangents. Writing it with its own UV, images moving, makes tangents and splits vertices for them.
+absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
+  std::vector<double> uv;
+  for (const std::int32_t id : to.mesh.corner_texcoord) {
+    const Vec2 value = id < 0 ? Vec2(0, 0) : to.mesh.texcoords[static_cast<std::size_t>(id)];
+    uv.insert(uv.end(), {value.x(), value.y()});
+  }
+  OutputOptions options;
+  options.format = MeshFormat::kGlb;
+  options.path = "projected.glb";
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, WriteMeshWithUv(to, uv, options));
+  PLANISH_ASSIGN_OR_RETURN(const MeshFile plain,
+                           ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes)));
+  const GltfMesh& gltf = *plain.gltf;
+  GltfPatch patch(gltf.document);
+  // By the vertices of the file, which are merged where positions are the same.
+  std::vector<Face> own;
+  for (std::size_t c = 0; c < plain.mesh.corner_vertex.size(); c += 3) {
+    own.push_back({plain.mesh.corner_vertex[c], plain.mesh.corner_vertex[c + 1], plain.mesh.corner_vertex[c + 2]});
+  }
+  const std::vector<Vec3> smooth = SmoothNormals(plain.mesh.positions, own);
+  std::map<std::size_t, std::int64_t> normals_of_pool;
+  for (const GltfPrimitive& primitive : gltf.primitives) {
+    Json& json = PrimitiveJson(patch.json(), primitive);
+    json["material"] = 0;
+    if (json["attributes"].contains("NORMAL")) continue;
+    if (!normals_of_pool.contains(primitive.pool)) {
+      std::vector<float> normals(3 * static_cast<std::size_t>(gltf.pools[primitive.pool].num_vertices), 0);
+      for (const GltfPrimitive& user : gltf.primitives) {
+        if (user.pool != primitive.pool) continue;
+        for (auto c = 3 * user.first_polygon; c < 3 * (user.first_polygon + user.num_polygons); ++c) {
+          const auto corner = static_cast<std::size_t>(c);
+          Vec3 normal = smooth[static_cast<std::size_t>(plain.mesh.corner_vertex[corner])];
+          normal = normal.norm() > 0 ? Vec3(normal.normalized()) : Vec3(0, 0, 1);
+          for (std::size_t k = 0; k < 3; ++k) {
+            normals[3 * static_cast<std::size_t>(gltf.corner_vertex[corner]) + k] =
+                static_cast<float>(normal[static_cast<int>(k)]);
+          }
+        }
+      }
+      for (std::size_t v = 0; v < normals.size(); v += 3) {
+        if (normals[v] == 0 && normals[v + 1] == 0 && normals[v + 2] == 0) normals[v + 2] = 1;
+      }
+      const Json shape = {{"componentType", 5126}, {"count", normals.size() / 3}, {"type", "VEC3"}};
+      const std::string bytes(reinterpret_cast<const char*>(normals.data()), normals.size() * sizeof(float));
+      normals_of_pool[primitive.pool] = patch.Replace(-1, 1, shape, bytes, 0, 34962);
+    }
+    PrimitiveJson(patch.json(), primitive)["attributes"]["NORMAL"] = normals_of_pool[primitive.pool];
+  }
+  Json& root = patch.json();
+  for (const char* gone : {"textures", "images", "samplers"}) root.erase(gone);
+  Json material = {{"name", "projected"},
+                   {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 0.8}}},
+                   {"normalTexture", {{"index", 0}}}};
+  if (has_colors) material["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 1}};
+  root["materials"] = Json::array({std::move(material)});
+  root["images"] = Json::array();
+  root["textures"] = Json::array();
+  for (int i = 0; i < (has_colors ? 2 : 1); ++i) {
+    const std::int64_t view =
+        patch.AddView(-1, OnePixel(i == 0 ? std::array<std::uint8_t, 3>{128, 128, 255} : std::array<std::uint8_t, 3>{}), 0, 0);
+    root["images"].push_back(
+        {{"name", i == 0 ? "normals" : "colors"}, {"bufferView", view}, {"mimeType", "image/png"}});
+    root["textures"].push_back({{"source", i}});
+  }
+  std::string buffer = patch.TakeBuffer();
+  PLANISH_ASSIGN_OR_RETURN(std::string glb, GlbBytes(patch.json(), std::move(buffer), ""));
+  PLANISH_ASSIGN_OR_RETURN(const MeshFile file, ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(glb)));
+  options.textures.mode = TextureMode::kTransfer;
+  options.textures.size = 1;
+  PLANISH_ASSIGN_OR_RETURN(written, WriteMeshWithUv(file, uv, options));
+  return ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes));
+}
+
+absl::StatusOr<ProjectionTarget> TargetOf(const MeshFile& file) {
+  const GltfMesh& gltf = *file.gltf;
+  ProjectionTarget target;
+  for (const GltfPrimitive& primitive : gltf.primitives) {
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, ReadVertexAttribute(gltf, primitive, "NORMAL", 3));
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> tangents, ReadVertexAttribute(gltf, primitive, "TANGENT", 4));
+    if (normals.empty() || tangents.empty()) return InternalError("a projected primitive has no tangents");
+    const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
+    const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
+    for (std::size_t c = first; c < first + count; c += 3) {
+      std::array<Vec3, 3> positions;
+      std::array<Vec2, 3> uv;
+      std::array<std::array<float, 3>, 3> normal;
+      std::array<std::array<float, 4>, 3> tangent;
+      for (std::size_t k = 0; k < 3; ++k) {
+        positions[k] = file.mesh.positions[static_cast<std::size_t>(file.mesh.corner_vertex[c + k])];
+        const std::int32_t id = file.mesh.corner_texcoord[c + k];
+        const Vec2 value = id < 0 ? Vec2(0, 0) : file.mesh.texcoords[static_cast<std::size_t>(id)];
+        uv[k] = Vec2(value.x(), 1 - value.y());
+        const auto v = static_cast<std::size_t>(gltf.corner_vertex[c + k]);
+        normal[k] = {normals[3 * v], normals[3 * v + 1], normals[3 * v + 2]};
+        tangent[k] = {tangents[4 * v], tangents[4 * v + 1], tangents[4 * v + 2], tangents[4 * v + 3]};
+      }
+      target.positions.push_back(positions);
+      target.uv.push_back(uv);
+      target.normals.push_back(normal);
+      target.tangents.push_back(tangent);
+    }
+  }
+  return target;
+}
+
+double DiagonalOf(const std::vector<Vec3>& positions) {
+  Vec3 low = Vec3::Constant(1e300), high = -low;
+  for (const Vec3& p : positions) {
+    if (!p.allFinite()) continue;
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  return positions.empty() ? 0 : (high - low).norm();
+}
+
+}  // namespace
+
+absl::StatusOr<ProjectedMesh> ProjectSurface(const MeshFile& from, const MeshFile& to, const OutputOptions& options,
+                                             const SurfaceProjectionOptions& projection) {
+  if (options.format != MeshFormat::kGlb && options.format != MeshFormat::kGltf) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
+                     options.path + ": projected images go into a .glb or .gltf");
+  }
+  if (to.mesh.corner_texcoord.empty()) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "UV_MISSING",
+                     to.path + ": has no UV, and they are where the images go");
+  }
+  const std::int64_t texels = std::int64_t{projection.size} * projection.size;
+  if (options.textures.memory > 0 && 8 * texels > options.textures.memory) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
+                     "images of " + std::to_string(projection.size) + " texels per side take " +
+                         std::to_string(8 * texels / 1000000) +
+                         " MB of memory; --texture-size makes them smaller, --memory raises the limit");
+  }
+  ProjectedLooks looks;
+  PLANISH_RETURN_IF_ERROR(LooksReader(from, options, &looks).Read());
+  const bool has_colors = looks.source.has_colors();
+  PLANISH_ASSIGN_OR_RETURN(const MeshFile prepared, WithPlaceholders(to, has_colors));
+  PLANISH_ASSIGN_OR_RETURN(const ProjectionTarget target, TargetOf(prepared));
+  ProjectionOptions how;
+  how.reach = projection.cage * DiagonalOf(prepared.mesh.positions);
+  how.size = projection.size;
+  how.stop = options.textures.stop;
+  ThreadTeam team(std::max(1, options.textures.threads));
+  PLANISH_ASSIGN_OR_RETURN(Projection drawn, Project(looks.source, target, how, &team));
+  ProjectedMesh result;
+  result.texels = drawn.texels;
+  result.missed = drawn.missed;
+  result.has_colors = has_colors;
+  GltfPatch patch(prepared.gltf->document);
+  for (Json& image : patch.json()["images"]) {
+    TextureImage& pixels = image["name"] == "normals" ? drawn.normal : drawn.color;
+    PLANISH_ASSIGN_OR_RETURN(std::string png, EncodeImage(pixels));
+    pixels.texels = std::vector<std::uint8_t>();
+    image["bufferView"] = patch.AddView(image["bufferView"].get<std::int64_t>(), std::move(png), 0, 0);
+  }
+  std::string buffer = patch.TakeBuffer();
+  PLANISH_ASSIGN_OR_RETURN(result.written,
+                           GltfFiles(std::move(patch.json()), std::move(buffer), 2, "", false, options));
+  return result;
+}
+
+}  // namespace planish

@@ -1,0 +1,76 @@
+"""Images that move from one map to another. The command ``planish`` does it: there is one resampler."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from typing import Any, Dict, List, Optional, Union
+
+from ._programs import is_program, own_program
+from .errors import Error, InvalidArgument, Unavailable
+
+_Path = Union[str, "os.PathLike[str]"]
+
+
+def find_command() -> Optional[str]:
+    """The command ``planish``: the one that ``PLANISH_COMMAND`` names, the one that this package brings, or one in ``PATH``."""
+    named = os.environ.get("PLANISH_COMMAND")
+    if named:
+        return named if is_program(named) else None
+    return own_program("planish") or shutil.which("planish")
+
+
+def transfer(
+    source: _Path,
+    target: _Path,
+    output: _Path,
+    *,
+    project: bool = False,
+    cage: Optional[float] = None,
+    texture_size: Optional[int] = None,
+    allow_outside: bool = False,
+    command: Optional[str] = None,
+    timeout: Optional[float] = None,
+) -> Dict[str, Any]:
+    """Files in, files out: writes ``source`` with the UV of ``target``, and its images drawn for them. Both are files with
+    the same triangles.
+
+    With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with the
+    colours and normals of ``source`` as images. ``cage``: how far apart they may be, in percent of target's diagonal.
+
+    Returns what ``planish transfer --json`` prints: ``triangles``, ``seconds``, ``files``, ``warnings``.
+    """
+    program = command or find_command()
+    if program is None:
+        raise Unavailable(
+            "the command planish was not found: install it, or set PLANISH_COMMAND to its path", reason="COMMAND_MISSING"
+        )
+    call: List[str] = [program, "transfer", "--json", "--quiet", "-o", os.fspath(output)]
+    if project:
+        call.append("--project")
+    if cage is not None:
+        call.append(f"--cage={cage}")
+    if texture_size is not None:
+        call.append(f"--texture-size={texture_size}")
+    if allow_outside:
+        call.append("--allow-outside")
+    call += ["--", os.fspath(source), os.fspath(target)]
+    try:
+        done = subprocess.run(
+            call, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=timeout, check=False
+        )
+    except OSError as error:
+        raise Unavailable(f"{program}: {error.strerror}", reason="COMMAND_MISSING") from error
+    report: Dict[str, Any] = {}
+    try:
+        report = json.loads(done.stdout)
+    except ValueError:
+        pass
+    if done.returncode == 0:
+        return report
+    failure = report.get("error") or {}
+    message = str(failure.get("message") or done.stderr.decode(errors="replace").strip() or "planish transfer failed")
+    kind = InvalidArgument if done.returncode in (1, 2) else Error
+    raise kind(message, reason=str(failure.get("reason") or ""))
