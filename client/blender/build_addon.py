@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the zips that Blender installs, both of the same sources.
+"""Makes the zips that Blender installs, both from the same sources.
 
     build_addon.py addon     ZIP VERSION PACKAGE_TREE LICENSE          for all versions: the package `planish` is in its folder `lib`
     build_addon.py extension ZIP VERSION LICENSE PLATFORM WHEEL...     for 4.2 and later: the wheels are in it; PLATFORM as Blender names it
 
-The wheels are that of `planish`, and those of grpcio and protobuf where they are at hand. With the wheel of `planish` that brings the
-server the extension works without the other two, by the command in it.
+The wheels are that of `planish`, and those of grpcio and protobuf if available. With the wheel of `planish` that has
+the server the extension works without the other two, by the command in it.
 """
 
 import pathlib
@@ -14,7 +14,7 @@ import sys
 import zipfile
 
 NAME = "planish_blender"
-# A zip of the same files is the same zip.
+# For reproducible zips.
 DATE = (2000, 1, 1, 0, 0, 0)
 MANIFEST = "blender_manifest.toml"
 

@@ -1,4 +1,4 @@
-// UV into a Draco mesh.
+// Puts UV into a Draco mesh.
 #pragma once
 
 #include <cstdint>
@@ -9,9 +9,9 @@
 
 namespace planish {
 
-// Splits the points and replaces attribute `old_uv` (a unique id; -1: none is removed) by split.uv as floats without
-// rounding. The new attribute is the last one; it has the id of the old one, or a new id. `indices`: per corner of the
-// faces the new point.
+// Splits the points and replaces attribute `old_uv` (a unique id; -1: there is none) by split.uv as floats, not
+// quantized. The new attribute is the last one; it has the id of the old one, or a new id. `indices`: per corner of the
+// faces, the new point.
 void ReplaceDracoUv(const CornerSplit& split, const std::vector<std::int32_t>& indices, std::int64_t old_uv,
                     DracoPoints* points);
 

@@ -10,15 +10,15 @@ namespace planish {
 namespace {
 
 constexpr std::size_t kMostPolygonCorners = 10000;
-// A corner turns if the sine of its angle is above this: positions are float, so that corners in line are so only
-// nearly.
+// A corner counts as a turn if the sine of its angle is above this. Positions are float, so collinear corners are only
+// nearly collinear.
 constexpr double kFlat = 1e-6;
 
 double Cross(const Vec2& a, const Vec2& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-// Whether a, b, c turn left, by more than rounding.
+// Whether a, b, c turn left by more than rounding errors.
 bool TurnsLeft(const Vec2& a, const Vec2& b, const Vec2& c) {
   const Vec2 ab = b - a;
   const Vec2 bc = c - b;
@@ -29,7 +29,7 @@ bool IsInside(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
   return Cross(b - a, p - a) >= 0 && Cross(c - b, p - b) >= 0 && Cross(a - c, p - c) >= 0;
 }
 
-// The polygon in its own plane, counter-clockwise; empty if it has none.
+// The polygon in its own plane, counter-clockwise; empty if it has no plane.
 std::vector<Vec2> Flattened(const std::vector<Vec3>& outline) {
   Vec3 normal = Vec3::Zero();
   Vec3 longest = Vec3::Zero();
@@ -59,9 +59,9 @@ bool IsFan(const std::vector<Vec2>& points) {
   return true;
 }
 
-// Whether a triangle of the fan round corner 0 is so steep on the others that the polygon lies in no plane.
+// Whether the fan round corner 0 has a triangle so steep that the polygon is not planar.
 bool IsFolded(const std::vector<Vec3>& outline) {
-  constexpr double kLeastCosine = 0.7;  // of the angle to the polygon's normal, or to the opposite of that
+  constexpr double kLeastCosine = 0.7;  // of the angle between a triangle's normal and the polygon's, or its opposite
   std::vector<Vec3> normals;
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
@@ -72,18 +72,18 @@ bool IsFolded(const std::vector<Vec3>& outline) {
                      [&](const Vec3& n) { return std::abs(n.dot(sum)) < kLeastCosine * n.norm() * sum.norm(); });
 }
 
-// Whether the triangles of the fan round corner 0 all have an area.
+// Whether all triangles of the fan round corner 0 have area.
 bool FanHasArea(const std::vector<Vec3>& outline) {
   for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
     const Vec3 a = outline[i] - outline[0], b = outline[i + 1] - outline[0];
-    // The triangle may be flat with its middle corner at any of its three vertices.
+    // In a flat triangle, any of the three vertices may be the middle one.
     const double longest = std::max({a.squaredNorm(), b.squaredNorm(), (a - b).squaredNorm()});
     if (!(a.cross(b).norm() > kFlat * longest)) return false;
   }
   return true;
 }
 
-// Whether corner `at` of the polygon that `left` still has can be cut off.
+// Whether corner `at` of the remaining polygon can be cut off.
 bool IsEar(const std::vector<Vec2>& points, const std::vector<std::int32_t>& left, std::size_t at) {
   const std::size_t n = left.size();
   const Vec2& a = points[left[(at + n - 1) % n]];
@@ -99,11 +99,11 @@ bool IsEar(const std::vector<Vec2>& points, const std::vector<std::int32_t>& lef
   return true;
 }
 
-// Cuts off ears as long as there are any; `left` are the corners that remain, in their order: three of a simple polygon.
+// Cuts off ears while there are any. `left` becomes the remaining corners, in order: three for a simple polygon.
 std::vector<Face> CutOffEars(const std::vector<Vec2>& points, std::vector<std::int32_t>* left) {
   std::vector<Face> triangles;
   std::size_t at = 1;
-  std::size_t tried = 0;  // corners without an ear since the last one
+  std::size_t tried = 0;  // corners tried since the last ear
   while (left->size() > 3 && tried < left->size()) {
     at %= left->size();
     ++tried;
@@ -125,8 +125,8 @@ std::vector<std::int32_t> AllCorners(const std::vector<Vec3>& outline) {
   return corners;
 }
 
-// Whether two sides of a quad that is nearly plane cross. At whichever diagonal it is cut, one triangle then lies on the
-// other. So it may where a quad bends, which is no fault.
+// Whether two sides of a nearly planar quad cross. Then its triangles overlap, whichever diagonal cuts it. (If a quad
+// bends, they may overlap as well, which is not a fault.)
 bool IsBowTie(const std::vector<Vec3>& q) {
   constexpr double kNearlyPlane = 0.01;  // height over the longest side
   const auto normal = [&](int a, int b, int c) -> Vec3 { return (q[b] - q[a]).cross(q[c] - q[a]); };
@@ -155,14 +155,14 @@ bool CrossesItself(const std::vector<Vec3>& outline) {
   if (outline.size() < 4 || outline.size() > kMostPolygonCorners) return false;
   if (outline.size() == 4) return IsBowTie(outline);
   const std::vector<Vec2> points = Flattened(outline);
-  // Without a normal the areas of its triangles cancel out, unless none has any.
+  // Without a normal the areas of the triangles cancel out, or none has area.
   if (points.empty()) return FanHasArea(outline);
   if (IsFan(points)) return false;
-  if (IsFolded(outline) && FanHasArea(outline)) return false;  // it lies in no plane
+  if (IsFolded(outline) && FanHasArea(outline)) return false;  // not planar
   std::vector<std::int32_t> left = AllCorners(outline);
   CutOffEars(points, &left);
   if (left.size() == 3) return false;
-  // What is left has no ear: it lies in a line, or crosses itself.
+  // The remaining polygon has no ear: it is collinear or crosses itself.
   bool turns = false;
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Vec2 &a = points[left[i]], &b = points[left[(i + 1) % left.size()]], &c = points[left[(i + 2) % left.size()]];

@@ -60,7 +60,7 @@ std::string Quoted(std::string_view token) {
 
 namespace {
 
-// Reads up to the end of the file, however long its size says it is: pipes have none. At most `limit` bytes.
+// Reads to the end of the file, whatever its size claims, since pipes have no size. At most `limit` bytes.
 absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std::size_t expected, std::size_t limit) {
   std::string bytes;
   std::size_t size = 0;
@@ -77,7 +77,7 @@ absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std
 }
 
 absl::StatusOr<std::string> Read(const std::string& path, bool regular_only, std::size_t limit) {
-  // A FIFO that nobody writes to must not hold us up before we know what it is.
+  // Opening a FIFO without a writer must not block.
   const Descriptor descriptor(path == "-"
                                   ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
                                   : ::open(path.c_str(), O_RDONLY | O_CLOEXEC | (regular_only ? O_NONBLOCK : 0)));
@@ -103,7 +103,7 @@ namespace {
 
 constexpr char kCannotWrite[] = "cannot write";
 
-// Returns an errno value, 0 when all bytes were taken.
+// Returns an errno value; 0 if all bytes were written.
 int WriteAll(int descriptor, const std::string& bytes) {
   std::size_t written = 0;
   while (written < bytes.size()) {
@@ -115,8 +115,8 @@ int WriteAll(int descriptor, const std::string& bytes) {
   return 0;
 }
 
-// The open descriptor that `path` stands for, or -1. These are written through as they are: behind /dev/stdout there
-// may be a file that the shell opened, which must not be replaced by another one of the same name.
+// The open descriptor that `path` names, or -1. These are written directly: /dev/stdout may be a file that the shell
+// opened, which must not be replaced by another file of the same name.
 int DescriptorOf(const std::string& path) {
   if (path == "-" || path == "/dev/stdout") return STDOUT_FILENO;
   if (path == "/dev/stderr") return STDERR_FILENO;
@@ -130,8 +130,8 @@ int DescriptorOf(const std::string& path) {
   return -1;
 }
 
-// Where the symbolic link `path` leads in the end, whether or not there is a file; `path` if it is not a link.
-// Sets `error_number` when links go round in a circle.
+// The final target of the symbolic link `path`, whether or not it exists; `path` itself if it is not a link. Sets
+// `error_number` if links form a cycle.
 std::string FollowLinks(const std::string& path, int* error_number) {
   constexpr int kMostLinks = 40;  // as Linux does
   std::filesystem::path target = path;
@@ -143,14 +143,14 @@ std::string FollowLinks(const std::string& path, int* error_number) {
       *error_number = error.value();
       return path;
     }
-    // An absolute link replaces all of the left operand.
+    // An absolute link replaces the left operand.
     target = target.parent_path() / link;
   }
   *error_number = ELOOP;
   return path;
 }
 
-// Devices and pipes: there is nothing to replace.
+// For devices and pipes, which cannot be replaced.
 int WriteInPlace(const std::string& path, const std::string& bytes) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
   if (descriptor < 0) return errno;
@@ -165,7 +165,7 @@ int OpenTemporary(const std::filesystem::path& target, std::string* name) {
     const std::string file = ".planish-" + std::to_string(::getpid()) + "-" + std::to_string(serial++) + ".tmp";
     *name = (target.parent_path() / file).string();
     const int descriptor = ::open(name->c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    // Left over from a process of the same number that was killed.
+    // The name is left over from a killed process with the same number.
     if (descriptor < 0 && errno == EEXIST) continue;
     return descriptor;
   }
@@ -199,7 +199,7 @@ absl::Status WriteFile(const std::string& path, const std::string& bytes) {
   struct stat existing;
   const bool exists = error_number == 0 && ::stat(target.c_str(), &existing) == 0;
   if (error_number != 0) {
-    // Told below.
+    // Reported below.
   } else if (!exists) {
     error_number = Replace(target, bytes, nullptr);
   } else if (S_ISDIR(existing.st_mode)) {
@@ -207,7 +207,7 @@ absl::Status WriteFile(const std::string& path, const std::string& bytes) {
   } else if (!S_ISREG(existing.st_mode)) {
     error_number = WriteInPlace(target, bytes);
   } else if (::faccessat(AT_FDCWD, target.c_str(), W_OK, AT_EACCESS) != 0) {
-    // Renaming would replace a file that its owner made read-only.
+    // Renaming would replace a read-only file.
     error_number = errno;
   } else {
     error_number = Replace(target, bytes, &existing);

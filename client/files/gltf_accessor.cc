@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-// Values are read with memcpy.
+// Values are copied with memcpy, which needs a little-endian machine.
 static_assert(std::endian::native == std::endian::little);
 
 template <typename T>
@@ -82,7 +82,7 @@ absl::StatusOr<const char*> Elements(const GltfDocument& document, const Json& j
         "elements of " + std::to_string(size) + " bytes in a view with byteStride " + std::to_string(step));
   }
   PLANISH_ASSIGN_OR_RETURN(const std::int64_t offset, GltfInt(document, json, element, "byteOffset", 0, length, 0));
-  // Divided, not multiplied: counts may be anything.
+  // Divides instead of multiplying, since counts may be arbitrarily large.
   const bool fits = count == 0 || (length - offset >= size && (length - offset - size) / step >= count - 1);
   if (!fits) {
     return GltfFault(
@@ -152,7 +152,7 @@ absl::StatusOr<GltfAccessor> OpenAccessor(const GltfDocument& document, std::int
     PLANISH_ASSIGN_OR_RETURN(accessor.data, Elements(document, json, accessor.element, accessor.count,
                                                      accessor.element_size, &accessor.stride));
   } else if (accessor.count > document.num_bytes) {
-    // Zeros cost nothing in the file, but memory here.
+    // Zeros take no bytes in the file, but memory here.
     return GltfFault(document, accessor.element + ".count",
                      std::to_string(accessor.count) + " elements without data, in a file of " +
                          std::to_string(document.num_bytes) + " bytes");

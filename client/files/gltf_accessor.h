@@ -1,4 +1,4 @@
-// Accessors of a glTF file, checked against the bytes they stand for. Used inside client/files only.
+// Accessors of a glTF file, checked against their bytes. Used only in client/files.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ enum class GltfComponent { kByte = 5120, kUbyte = 5121, kShort = 5122, kUshort =
 
 int ComponentSize(GltfComponent component);
 
-// Where the elements of an accessor are. Every element lies within `document`'s bytes, which must outlive it.
+// The elements of an accessor. Every element is within `document`'s bytes, which must outlive it.
 struct GltfAccessor {
   std::string element;  // "accessors[3]", for messages
   std::int64_t count = 0;
@@ -23,24 +23,24 @@ struct GltfAccessor {
   std::int64_t element_size = 0;  // bytes; columns of matrices start at multiples of 4
   const char* data = nullptr;     // null: all zero
   std::int64_t stride = 0;
-  // Sparse elements, in place of those above.
+  // Sparse elements, which replace those above.
   std::int64_t sparse_count = 0;
   GltfComponent sparse_component = GltfComponent::kUint;
   const char* sparse_indices = nullptr;  // below count, ascending
   const char* sparse_values = nullptr;   // element_size apart
 
-  // All elements one after the other, without gaps.
+  // All elements, without gaps.
   std::string DenseBytes() const;
 };
 
-// Opens accessor `index`, which must be below the number of accessors. FILE_MALFORMED where it or its views do not fit;
-// FILE_UNSUPPORTED if its bytes are in a form that we cannot read.
+// Opens accessor `index`, which must be below the number of accessors. FILE_MALFORMED if it or its views are
+// inconsistent; FILE_UNSUPPORTED if its bytes are in a form that we cannot read.
 absl::StatusOr<GltfAccessor> OpenAccessor(const GltfDocument& document, std::int64_t index);
 
-// Bytes of a bufferView, found the same way.
+// The bytes of a bufferView, checked in the same way.
 absl::StatusOr<std::string_view> ViewBytes(const GltfDocument& document, const Json& index, const std::string& element);
 
-// A component as a number: "normalized" integers in [-1, 1] or [0, 1].
+// A component as a number; "normalized" integers are scaled to [-1, 1] or [0, 1].
 double ComponentValue(const char* bytes, GltfComponent component, bool normalized);
 // An index: kUbyte, kUshort or kUint.
 std::int64_t IndexValue(const char* bytes, GltfComponent component);

@@ -1,4 +1,4 @@
-// Attributes of vertices as numbers, from accessors or from Draco. Used inside client/files only.
+// Vertex attributes as numbers, from accessors or from Draco. Used only in client/files.
 #pragma once
 
 #include <string>
@@ -9,13 +9,13 @@
 
 namespace planish {
 
-// `components` numbers for each vertex of the primitive's pool; empty if the primitive has no such attribute, or one
-// with fewer components.
+// `components` numbers for each vertex of the primitive's pool; empty if the primitive has no such attribute or it has
+// fewer components.
 absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, const GltfPrimitive& primitive,
                                                        const std::string& name, std::size_t components);
 
-// The normals at the corners of the primitive's triangles, three numbers each: those of the vertices, or of the flat
-// triangles where there are none, as glTF asks for. Sets *are_given.
+// The normals at the corners of the primitive's triangles, three numbers each: those of the vertices or, if there are
+// none, of the flat triangles, as glTF demands. Sets *are_given.
 absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive, bool* are_given);
 
 }  // namespace planish

@@ -18,7 +18,7 @@ constexpr std::uint32_t kGlbMagic = 0x46546C67;  // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;
 constexpr std::uint32_t kBinChunk = 0x004E4942;
 constexpr std::size_t kChunkHeader = 8;
-// Parsing and writing recurse.
+// Parsing and writing are recursive.
 constexpr int kDeepest = 200;
 
 std::uint32_t LittleEndian32(std::string_view bytes, std::size_t at) {
@@ -89,7 +89,7 @@ absl::StatusOr<Json> ParseJson(const std::string& path, std::string_view text) {
   }
 }
 
-// 0 is the same for us as no indentation at all.
+// Here 0 counts as no indentation at all.
 int IndentOf(std::string_view json) {
   const std::size_t line = json.find('\n');
   if (line == std::string_view::npos) return -1;
@@ -118,7 +118,7 @@ absl::Status LoadBuffers(const std::optional<std::string_view>& binary, GltfDocu
     const auto uri = buffer.find("uri");
     std::string data;
     if (uri == buffer.end()) {
-      // Others without a URI are placeholders.
+      // Other buffers without a URI are placeholders.
       if (i == 0 && binary) data = std::string(*binary);
       if (i != 0 || !binary) {
         document->buffers.emplace_back();
@@ -202,7 +202,7 @@ absl::StatusOr<std::int64_t> GltfInt(const GltfDocument& document, const Json& o
 absl::StatusOr<std::int64_t> GltfIndex(const GltfDocument& document, const Json& value, const std::string& element,
                                        std::int64_t count) {
   if (!value.is_number_integer()) return GltfFault(document, element, "not an index");
-  // As unsigned: what is too large for a signed number must not become a small one.
+  // Compared as unsigned, so that a number too large for a signed type is not mistaken for a small one.
   if ((!value.is_number_unsigned() && value.get<std::int64_t>() < 0) ||
       value.get<std::uint64_t>() >= static_cast<std::uint64_t>(count)) {
     return GltfFault(document, element, "index " + value.dump() + ", but there are " + std::to_string(count));
@@ -256,7 +256,7 @@ bool IsHex(char c) {
   return std::isxdigit(static_cast<unsigned char>(c)) != 0;
 }
 
-// "%20" to " "; a '%' before anything else stays.
+// Turns "%20" into " "; a '%' before anything but two hex digits stays.
 std::string Decoded(std::string_view uri) {
   std::string text;
   for (std::size_t i = 0; i < uri.size(); ++i) {
@@ -270,7 +270,7 @@ std::string Decoded(std::string_view uri) {
   return text;
 }
 
-// "https:", "file:"; a drive letter is one as well, and no more portable.
+// "https:", "file:". A drive letter counts as well, and is not portable either.
 bool HasScheme(std::string_view uri) {
   const std::size_t colon = uri.find(':');
   return colon != std::string_view::npos && colon > 0 && uri.substr(0, colon).find_first_of("/?#%") == uri.npos;

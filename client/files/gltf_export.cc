@@ -1,4 +1,4 @@
-// Polygons of another format as glTF.
+// Converts polygons of another format to glTF.
 #include <array>
 #include <cstring>
 #include <limits>
@@ -34,8 +34,8 @@ class GltfExport {
     json_["asset"] = {{"version", "2.0"}, {"generator", "planish"}};
   }
 
-  // One mesh and node a group, one primitive a material in it. Positions are floats: the nodes move those of a mesh far
-  // from the origin to where they belong.
+  // A mesh and a node for each group, with a primitive for each material. Positions are floats: if a mesh is far from
+  // the origin, its node moves it there.
   void Build() {
     std::map<std::int32_t, std::map<std::int32_t, std::vector<std::size_t>>> faces;
     for (std::size_t f = 0; f < triangles_.mesh.faces.size(); ++f) {
@@ -77,7 +77,7 @@ class GltfExport {
 
  private:
   Json Primitive(std::int32_t material, const std::vector<std::size_t>& faces) {
-    // Its own vertices, in the order of the file.
+    // The group's vertices, in the order of the file.
     std::map<std::int32_t, std::int32_t> local;
     for (const std::size_t f : faces) {
       for (const std::int32_t vertex : triangles_.mesh.faces[f]) local.emplace(vertex, 0);
@@ -124,7 +124,7 @@ class GltfExport {
         {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC3"}, {"min", least}, {"max", most}},
         34962);
     for (int n = 0; n <= texcoord_; ++n) {
-      // Sets are numbered without a gap; those below the one that was asked for are the same.
+      // Sets must be numbered without gaps; those below the requested one are the same.
       primitive["attributes"]["TEXCOORD_" + std::to_string(n)] =
           n > 0 ? primitive["attributes"]["TEXCOORD_0"]
                 : Json(Accessor(texcoords, {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC2"}},

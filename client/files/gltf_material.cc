@@ -40,7 +40,7 @@ std::array<double, 2> Pair(const Json& object, const char* key, double otherwise
   return pair;
 }
 
-// The GLSL of KHR_texture_transform: translation * rotation * scale.
+// As in the GLSL of KHR_texture_transform: translation * rotation * scale.
 std::array<double, 6> TransformOf(const Json& json) {
   const std::array<double, 2> offset = Pair(json, "offset", 0), scale = Pair(json, "scale", 1);
   const double angle = Number(json, "rotation", 0), c = std::cos(angle), s = std::sin(angle);
@@ -64,7 +64,7 @@ std::string ImageNameOfTexture(const Json& root, std::int64_t texture_index) {
   return GltfImageName(root, sources[0].image);
 }
 
-// Recursion ends, as the depth of the JSON was checked.
+// The recursion is bounded, as the depth of the JSON was checked.
 void FindUses(const Json& root, const Json& object, const Json::json_pointer& at, bool is_opaque,
               std::vector<GltfTextureUse>* uses) {
   for (const auto& [key, value] : object.items()) {

@@ -1,4 +1,4 @@
-// What the materials of a glTF read from its sets of UV. Used inside client/files only.
+// The textures of glTF materials and the sets of UV that they use. Used only in client/files.
 #pragma once
 
 #include <array>
@@ -14,29 +14,29 @@
 
 namespace planish {
 
-// A texture as a material refers to it.
+// A reference to a texture in a material.
 struct GltfTextureUse {
-  std::string slot;        // "baseColorTexture"; of extensions as well
+  std::string slot;        // "baseColorTexture", or one of an extension
   std::string name;        // of the image: its name, its file, or "image 3"
-  int texcoord = 0;        // the set of UV that it is read with; -1: none that exists
-  bool is_normal = false;  // a normal map: tangents belong to its UV
+  int texcoord = 0;        // the set of UV used; -1: it does not exist
+  bool is_normal = false;  // a normal map: tangents must match its UV
   Json::json_pointer at;   // of the textureInfo in the material
   std::int64_t texture = -1;
   // u' = transform[0] u + transform[1] v + transform[2], and v' likewise: KHR_texture_transform.
   std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};
   TextureMeaning meaning = TextureMeaning::kData;
   double normal_scale = 1;
-  bool has_alpha = false;  // the alpha of the material is in it: colours are weighted with it
+  bool has_alpha = false;  // holds the material's alpha, with which colours are weighted
 };
 
-// The textures of materials[index], in the order of the file; empty for -1. Extensions are searched too:
-// whatever ends in "Texture" and has an index is one.
+// The textures of materials[index], in the order of the file; empty for -1. Includes those of extensions: every member
+// that ends in "Texture" and has an index.
 std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index);
 
-// Every image of a texture: its source, and those that its extensions name (WebP, KTX2).
+// The images of a texture: its source, and those of its extensions (WebP, KTX2).
 struct GltfTextureSource {
   std::int64_t image = -1;
-  std::string extension;  // empty: the texture's own
+  std::string extension;  // empty: the texture's own source
 };
 std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture);
 

@@ -1,4 +1,4 @@
-// The triangles of a glTF file, and where each of their corners came from. Used inside client/files only.
+// The triangles of a glTF file, and the origin of each corner. Used only in client/files.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@
 
 namespace planish {
 
-// The vertices that primitives of one mesh share: those with the same attributes and morph targets.
+// Vertices shared by primitives of one mesh that have the same attributes and morph targets.
 struct GltfPool {
   std::int64_t num_vertices = 0;
-  // With KHR_draco_mesh_compression: its points, and the numbers of the attributes it holds.
+  // With KHR_draco_mesh_compression: its points, and the indices of its attributes.
   std::optional<DracoPoints> draco;
 };
 
@@ -46,11 +46,11 @@ const Json& PrimitiveJson(const Json& root, const GltfPrimitive& primitive);
 // Its Draco extension, or null.
 const Json* DracoJson(const Json& primitive);
 
-// Parses a glTF or GLB file and checks every accessor that a primitive of triangles uses, so that writing it again has
-// nothing left to trip over. The polygons are the triangles of all meshes, each mesh once, whatever nodes show it;
-// those that join strips, with two equal indices, are left out. Vertices of a mesh at the same position (to the bit)
-// are one. Positions are the mesh's own, without the transformations of nodes. UV are those of TEXCOORD_`texcoord`.
-// Materials and meshes give the materials and groups of the polygons.
+// Parses a glTF or GLB file and checks every accessor used by a primitive of triangles, so that writing the file cannot
+// fail on them. The polygons are the triangles of all meshes, each mesh once, whatever nodes show it. Triangles with
+// two equal indices, which join strips, are left out. Vertices of a mesh at the same position (to the bit) become one.
+// Positions are those of the mesh, without node transformations. UV are those of TEXCOORD_`texcoord`. Materials and
+// meshes become the materials and groups of the polygons.
 absl::StatusOr<PolygonMesh> ReadGltf(const std::string& path, std::string_view bytes, int texcoord,
                                      std::shared_ptr<const GltfMesh>* gltf);
 

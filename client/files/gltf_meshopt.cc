@@ -17,17 +17,17 @@ namespace {
 
 constexpr std::array<const char*, 2> kExtensions = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 constexpr std::int64_t kViewAlignment = 8;
-// The first bytes of the streams that meshoptimizer 0.18 decodes, without the version in their low half, and the latest
-// of these versions.
+// The first bytes of streams that meshoptimizer 0.18 decodes, without the version in their low half, and the latest
+// supported version.
 struct Codec {
   const char* mode;
   unsigned char header, version;
 };
 constexpr std::array<Codec, 3> kCodecs = {{{"ATTRIBUTES", 0xa0, 0}, {"TRIANGLES", 0xe0, 1}, {"INDICES", 0xd0, 1}}};
-// Two bits stand for 16 bytes at best, so that a small file cannot ask for much memory.
+// At best two bits encode 16 bytes, so a small file cannot claim much memory.
 constexpr std::int64_t kMostPerByte = 64;
 
-// What one view says about its bytes.
+// A view's compression parameters.
 struct Compressed {
   std::string mode, filter;
   std::int64_t count = 0, stride = 0, offset = 0, length = 0, buffer = 0;
@@ -75,7 +75,7 @@ absl::StatusOr<Compressed> ReadView(const GltfDocument& document, const Json& js
   return view;
 }
 
-// Whether the stream has a version or a filter that is too new for meshoptimizer 0.18.
+// Whether the stream's version or filter is too new for meshoptimizer 0.18.
 bool IsTooNew(const GltfDocument& document, const Compressed& view) {
   if (view.filter == "COLOR") return true;
   if (view.length == 0) return false;
@@ -86,7 +86,7 @@ bool IsTooNew(const GltfDocument& document, const Compressed& view) {
   });
 }
 
-// Whether the file holds the bytes of this view uncompressed as well.
+// Whether the file also has the view's bytes uncompressed.
 bool HasFallback(const GltfDocument& document, const Json& view, const std::string& name) {
   const auto required = document.json.find("extensionsRequired");
   const bool is_required = required != document.json.end() && required->is_array() &&
@@ -118,7 +118,7 @@ absl::StatusOr<std::string> Decompress(const GltfDocument& document, const Compr
   return result;
 }
 
-// Takes the extension out of an object of the document.
+// Removes the extension from an object of the document.
 void TakeOut(const char* name, Json* object) {
   if (GltfObject(*object, "extensions") == nullptr) return;
   Json& extensions = (*object)["extensions"];

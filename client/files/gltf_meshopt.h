@@ -1,5 +1,4 @@
-// EXT_meshopt_compression and its successor KHR_meshopt_compression, which gltfpack writes. Used inside client/files
-// only.
+// EXT_meshopt_compression and its successor KHR_meshopt_compression, which gltfpack writes. Used only in client/files.
 #pragma once
 
 #include "absl/status/status.h"
@@ -7,10 +6,10 @@
 
 namespace planish {
 
-// Decompresses the views of `document`, whose buffers were loaded, into a buffer behind the others, and takes every
-// trace of the extensions out of the JSON: what is written later is not compressed. Streams of the successor's own
-// version and its filter COLOR are beyond meshoptimizer 0.18: a view that has them is read from the buffer that the
-// file holds for others, if there is one. FILE_MALFORMED, FILE_UNSUPPORTED (metadata "element").
+// Decompresses the views of `document`, whose buffers were loaded, into an additional buffer, and removes the
+// extensions from the JSON, so that the file is written without compression. meshoptimizer 0.18 does not support the
+// successor's own version and its filter COLOR: such a view is read from the file's fallback buffer, if it has one.
+// FILE_MALFORMED, FILE_UNSUPPORTED (metadata "element").
 absl::Status DecompressMeshopt(GltfDocument* document);
 
 }  // namespace planish

@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// Of offsets in a file: no type that glTF knows needs more.
+// Of offsets in a file; no glTF type needs more.
 constexpr std::size_t kAlignment = 8;
 
 void Pad(std::string* bytes, std::size_t remainder) {
@@ -25,14 +25,13 @@ void Count(std::int64_t index, std::vector<std::int64_t>* uses) {
   if (index >= 0 && index < static_cast<std::int64_t>(uses->size())) ++(*uses)[static_cast<std::size_t>(index)];
 }
 
-// Extensions that are known to refer to no accessor and no view: materials, textures and lights are full of other
-// numbers.
+// Extensions that are known not to refer to accessors or views: materials, textures and lights have many other numbers.
 bool RefersToNoBytes(std::string_view extension) {
   for (const std::string_view prefix :
        {"KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "MSFT_texture_"}) {
     if (extension.substr(0, prefix.size()) == prefix) return true;
   }
-  // Counted by itself.
+  // Counted separately.
   return extension == kDracoExtension;
 }
 
@@ -51,7 +50,7 @@ GltfPatch::GltfPatch(const GltfDocument& document) : document_(document), json_(
   CountUses();
 }
 
-// Any whole number inside the extensions that we do not know may be an index of either kind.
+// Any whole number inside an unknown extension may be an index of either kind.
 void GltfPatch::CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses) {
   if (value.is_number_integer()) {
     has_unknown_indices_ = true;
@@ -64,7 +63,7 @@ void GltfPatch::CountUnknownUses(const Json& value, std::vector<std::int64_t>* u
 }
 
 void GltfPatch::CountUses() {
-  // Every "extensions" of the document; recursion ends, as the depth of the JSON was checked.
+  // Visits every "extensions" of the document. The recursion is bounded, as the depth of the JSON was checked.
   const auto extensions = [this](const auto& self, const Json& value) -> void {
     if (!value.is_structured()) return;
     for (const auto& [key, child] : value.items()) {
@@ -147,7 +146,7 @@ void GltfPatch::Release(std::int64_t old, std::int64_t uses) {
   free_accessors_.push_back(old);
 }
 
-// Those at the end of the list, as nobody's index changes by that; others stay, without bytes.
+// Removes free accessors at the end of the list, which changes no other index; others stay, without bytes.
 void GltfPatch::DropFreeAccessors() {
   Json& accessors = json_["accessors"];
   std::sort(free_accessors_.begin(), free_accessors_.end());
@@ -239,7 +238,7 @@ std::string GltfPatch::TakeBuffer() {
   DropFreeAccessors();
   DropFreeViews();
   Json& views = json_["bufferViews"];
-  // What is in use of each old buffer, as stretches that no view straddles the end of: views may lie within each other.
+  // The used ranges of each old buffer. No view extends beyond the range that it is in; views may overlap.
   struct Range {
     std::int64_t begin, end;
     std::size_t view;
@@ -270,7 +269,7 @@ std::string GltfPatch::TakeBuffer() {
   for (std::size_t b = 0; b < ranges.size(); ++b) {
     std::sort(ranges[b].begin(), ranges[b].end(),
               [](const Range& x, const Range& y) { return x.begin != y.begin ? x.begin < y.begin : x.view < y.view; });
-    std::int64_t copied_to = -1;  // in the old buffer; -1: nothing yet
+    std::int64_t copied_to = -1;  // position in the old buffer up to which bytes are copied; -1: none yet
     std::int64_t shift = 0;
     for (const Range& range : ranges[b]) {
       if (copied_to < 0 || range.begin > copied_to) {
@@ -296,7 +295,7 @@ std::string GltfPatch::TakeBuffer() {
     bytes = std::string();
   }
   if (result.empty() && !free_views_.empty()) result.resize(1);
-  // Of several buffers the first one's name and extras stand for all.
+  // The merged buffer keeps the first one's name and extras.
   Json& buffers = ArrayAt(json_, "buffers");
   if (buffers.empty()) buffers.push_back(Json::object());
   Json buffer = buffers[0];

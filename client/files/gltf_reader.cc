@@ -14,10 +14,10 @@ constexpr std::int64_t kMostCorners = std::numeric_limits<std::int32_t>::max();
 
 enum Mode { kPoints = 0, kTriangles = 4, kStrip = 5, kFan = 6 };
 
-// What a pool's vertices are for the polygon mesh.
+// The polygon mesh's ids for the vertices of a pool.
 struct PoolVertices {
   std::vector<std::int32_t> vertex;
-  std::vector<std::int32_t> texcoord;  // kNoId: no such attribute
+  std::vector<std::int32_t> texcoord;  // kNoId: the pool has no such attribute
 };
 
 class GltfReader {
@@ -75,7 +75,7 @@ class GltfReader {
     PLANISH_ASSIGN_OR_RETURN(const std::int64_t mode, GltfInt(document(), json, element_, "mode", 0, 6, kTriangles));
     const Json* const attributes = GltfObject(json, "attributes");
     if (attributes == nullptr) return GltfFault(document(), element_ + ".attributes", "missing");
-    // Points and lines have nothing to unwrap; what has no positions shows nothing.
+    // Points and lines cannot be unwrapped; primitives without positions show nothing.
     if (mode < kTriangles || !attributes->contains("POSITION")) return absl::OkStatus();
     GltfPrimitive primitive;
     primitive.mesh = m;
@@ -87,7 +87,7 @@ class GltfReader {
     if (gltf_->pools[primitive.pool].draco) {
       primitive.is_list = true;
       if (json.contains("indices")) {
-        // Nothing stands behind it, but it is written again.
+        // It has no data, but is written again.
         const absl::StatusOr<std::int64_t> indices =
             GltfIndex(document(), json["indices"], element_ + ".indices", num_accessors_);
         if (!indices.ok()) return indices.status();
@@ -113,12 +113,12 @@ class GltfReader {
     return static_cast<std::int32_t>(index);
   }
 
-  // The pool of a primitive's vertices, made when its attributes are seen for the first time in this mesh.
+  // The pool of a primitive's vertices; created when its attributes first occur in this mesh.
   absl::StatusOr<std::size_t> FindPool(const Json& json, const Json& attributes) {
     const Json* const draco = DracoJson(json);
     const auto targets = json.find("targets");
     Json key = Json::array({attributes, targets == json.end() ? Json() : *targets});
-    if (draco != nullptr) key.push_back(element_);  // its points are its own
+    if (draco != nullptr) key.push_back(element_);  // its points are not shared
     const auto [entry, is_new] = pool_of_attributes_.emplace(key.dump(), gltf_->pools.size());
     if (!is_new) return entry->second;
     GltfPool pool;
@@ -155,7 +155,8 @@ class GltfReader {
     return OpenAccessor(document(), i);
   }
 
-  // That each one opens and has a value for each vertex. Those that Draco holds have no bytes of their own.
+  // Checks that each accessor opens and has a value for each vertex. Attributes held by Draco have no bytes of their
+  // own.
   absl::Status CheckAttributes(const Json& attributes, const std::string& element, const Json* draco,
                                std::int64_t num_vertices) {
     if (!attributes.is_object()) return GltfFault(document(), element, "not an object");
@@ -237,12 +238,12 @@ class GltfReader {
       }
       if (attribute == nullptr) return GltfFault(document(), where, "the Draco data have no attribute " + id.dump());
       if (name != "POSITION" && name != uv_name_) continue;
-      // As an accessor: what Draco holds is laid out like one.
+      // Treated as an accessor, as Draco's values have the same layout.
       GltfAccessor accessor;
       accessor.element = where;
       accessor.count = points->num_points;
       accessor.components = attribute->components;
-      // What the primitive says about its accessors goes for Draco's integers too.
+      // The primitive's accessors describe Draco's integers as well.
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t index,
                                GltfIndex(document(), attributes[name], where, num_accessors_));
       const Json& json = document().json["accessors"][static_cast<std::size_t>(index)];
@@ -307,7 +308,7 @@ class GltfReader {
       return absl::OkStatus();
     }
     for (std::size_t i = 0; i + 2 < count; ++i) {
-      // Every second triangle of a strip goes round the other way; glTF turns its last two corners.
+      // Every second triangle of a strip is wound the other way; glTF swaps its last two corners.
       const std::int64_t a = mode == kFan ? indices[0] : indices[i];
       const std::int64_t b = mode == kFan || i % 2 == 0 ? indices[i + 1] : indices[i + 2];
       const std::int64_t c = mode == kFan || i % 2 == 0 ? indices[i + 2] : indices[i + 1];
@@ -339,8 +340,8 @@ class GltfReader {
   GltfMesh* gltf_ = nullptr;
   std::int64_t num_accessors_ = 0;
   std::int64_t num_materials_ = 0;
-  // Of the mesh at hand.
-  std::string element_;  // the primitive
+  // Of the current mesh.
+  std::string element_;  // the current primitive
   ValueIndex welded_;
   std::int64_t first_vertex_ = 0;
   std::map<std::string, std::size_t> pool_of_attributes_;

@@ -45,7 +45,7 @@ const Json* SamplerOf(const Json& root, std::int64_t texture) {
   return json == nullptr ? nullptr : ElementOf(root, "samplers", IntAt(*json, "sampler", -1));
 }
 
-// Whether an animation moves the transformation of a texture: then its UV are not in the file.
+// Whether an animation changes a texture's transformation; then its UV are not in the file.
 bool HasAnimatedTransform(const Json& value, const std::string& material) {
   if (value.is_string()) {
     const std::string& text = value.get_ref<const std::string&>();
@@ -60,7 +60,7 @@ bool IsDirection(const GltfTextureUse& use) {
   return use.meaning == TextureMeaning::kNormal || use.meaning == TextureMeaning::kDirection;
 }
 
-// The extensions of a document without one that nothing uses any more.
+// Removes an extension from the document's lists if nothing uses it any more.
 void ForgetExtension(Json* root, const char* name) {
   const auto is_used = [name](const auto& self, const Json& value) -> bool {
     if (!value.is_structured()) return false;
@@ -116,7 +116,7 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   const std::vector<std::int32_t>& atlas_of = options.textures.polygon_atlas;
   for (std::int64_t m = 0; m < count; ++m) {
     std::vector<GltfTextureUse> uses = TextureUses(root_, m);
-    // Those that are read with other sets of UV still fit.
+    // Textures that use other sets of UV still fit.
     std::erase_if(uses, [&](const GltfTextureUse& use) {
       return use.texcoord != options.texcoord || TextureSources(root_, use.texture).empty();
     });
@@ -241,7 +241,7 @@ std::size_t GltfTextures::FindTexture(const Group& group, const GltfTextureUse& 
   return found->second;
 }
 
-// The triangles of a reading in both maps, with what its image needs to know of them.
+// Fills in the triangles of a reading in both maps, with the data that resampling its image needs.
 absl::Status GltfTextures::FillTriangles(const std::vector<double>& uv,
                                          const std::vector<std::array<float, 4>>& tangents, Reading* reading) const {
   const GltfTextureUse& use = reading->use;
@@ -267,7 +267,7 @@ absl::Status GltfTextures::FillTriangles(const std::vector<double>& uv,
       low = low.cwiseMin(to);
       high = high.cwiseMax(to);
     }
-    // Charts lie within a tile.
+    // Each chart is within one tile.
     const Vec2 tile(std::floor(0.5 * (low.x() + high.x())), std::floor(0.5 * (low.y() + high.y())));
     if (count > 0 && (low - tile).minCoeff() < -0.01) low = tile;
     if (count > 0 && (high - tile).maxCoeff() > 1.01) {
@@ -332,7 +332,7 @@ absl::StatusOr<double> GltfTextures::EstimateSide(double total_area) {
     PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, reading.bake.name));
     const std::vector<double> anywhere(2 * gltf_.corner_vertex.size(), 0);
     PLANISH_RETURN_IF_ERROR(FillTriangles(anywhere, {}, &reading));
-    // In the new map each triangle takes its share of the area.
+    // In the new map each triangle gets its share of the area.
     for (std::size_t t = 0; t < reading.bake.triangles.size(); ++t) {
       const double leg = std::sqrt(2 * kFilled * reading.bake.areas[t] / total_area);
       reading.bake.triangles[t].to = {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)};
@@ -346,7 +346,7 @@ absl::StatusOr<double> GltfTextures::EstimateSide(double total_area) {
   return side;
 }
 
-// Points materials, and clones of them, to numbers of textures_.
+// Makes materials, and clones of them, refer to textures_.
 void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnings) {
   std::map<std::int64_t, int> clones;
   for (std::size_t g = 0; g < groups_.size(); ++g) {
@@ -391,10 +391,10 @@ void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnin
 }
 
 void GltfTextures::WriteTextures(Json* json) {
-  // Old textures and images that some material or texture still reads.
+  // Old textures and images that some material or texture still uses.
   std::vector<bool> keeps_texture(root_["textures"].size(), false), keeps_image(root_["images"].size(), false);
   std::map<std::int64_t, std::set<std::string>> moved;  // by material
-  std::set<std::int64_t> left;                          // groups that are clones leave the material itself as it is
+  std::set<std::int64_t> left;                          // groups that are clones do not change the material itself
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     if (is_shared_[g]) continue;
     for (const GltfTextureUse& use : groups_[g].uses) moved[groups_[g].material].insert(use.at.to_string());
@@ -416,7 +416,7 @@ void GltfTextures::WriteTextures(Json* json) {
       if (keeps_texture[t] || !is_moved[t]) keeps_image[static_cast<std::size_t>(source.image)] = true;
     }
   }
-  // New ones in the places of old ones; their own first.
+  // New images reuse the places of old ones, preferably their own.
   for (Reading& reading : readings_) {
     auto place = static_cast<std::size_t>(reading.image);
     if (keeps_image[place]) {
@@ -442,7 +442,7 @@ void GltfTextures::WriteTextures(Json* json) {
       Json& holder = sources[s].extension.empty() ? out : out["extensions"][sources[s].extension];
       holder["source"] = readings_[texture.readings[s]].slot;
     }
-    // Charts in other tiles read the image by repeating it.
+    // Charts in other tiles read the image only if it repeats.
     const Json* const sampler = SamplerOf(root_, texture.old);
     const bool repeats =
         WrapOf(sampler, "wrapS") == TextureWrap::kRepeat && WrapOf(sampler, "wrapT") == TextureWrap::kRepeat;
@@ -472,7 +472,7 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
   }
   image.erase("uri");
   image["mimeType"] = MimeType(kind);
-  // The view of the old image goes with its last reading.
+  // The old image's view is replaced with its last reading.
   const bool is_own_place = slot == static_cast<std::size_t>(reading.image);
   image["bufferView"] = patch->AddView(is_own_place ? IntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
 }

@@ -1,10 +1,9 @@
-// The images of a glTF, moved to its new map. Used inside client/files only.
+// Moves the images of a glTF to its new map. Used only in client/files.
 //
-// The textures that materials read with the UV that are replaced are drawn again and read with the new UV, without
-// KHR_texture_transform; those that are read with other sets of UV stay. An image becomes a new one for each way in
-// which it is read (transformation, wrap modes, colour or numbers, atlas); textures that read an image in the same way
-// go on sharing it. The new images and textures take the places of the old ones that nobody reads any
-// more.
+// Textures that materials use with the replaced UV are resampled and used with the new UV, without
+// KHR_texture_transform; those used with other sets of UV stay. An image gets a new version for each way in which it is
+// read (transformation, wrap modes, colour or data, atlas). Textures that read an image in the same way keep sharing
+// it. New images and textures reuse the places of old ones that are not used any more.
 #pragma once
 
 #include <array>
@@ -25,28 +24,28 @@ namespace planish {
 
 class GltfTextures {
  public:
-  // Finds the materials that are concerned. `gltf` and `options` outlive the object.
+  // Finds the affected materials. `gltf` and `options` outlive the object.
   GltfTextures(const GltfMesh& gltf, const OutputOptions& options);
 
-  // Whether there is anything to do.
+  // Whether there is nothing to do.
   bool empty() const { return groups_.empty(); }
-  // Whether a material of the primitive has directions that are expressed in tangents: these must be written.
+  // Whether a material of the primitive has directions in tangent space, so that tangents must be written.
   bool NeedsTangents(std::size_t primitive) const { return needs_tangents_[primitive]; }
-  // That every image can be read and resampled, before there is a map. With `deep` the UV are read too.
+  // Checks, before there is a map, that every image can be read and resampled. With `deep` reads the UV too.
   absl::Status Check() const;
 
   // EstimateTextureSide() (mesh_output.h).
   absl::StatusOr<double> EstimateSide(double total_area);
 
-  // Draws the images and edits the document. `uv`: per corner of the triangles, v downwards; `tangents` likewise, of
-  // the new map; empty if no primitive needs them. Appends image files and warnings to `written`.
+  // Resamples the images and edits the document. `uv`: per corner of the triangles, v downwards. `tangents`: the same
+  // for tangents of the new map; empty if no primitive needs them. Appends image files and warnings to `written`.
   absl::Status Move(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents, GltfPatch* patch,
                     WrittenMesh* written);
-  // Removes the references instead.
+  // Removes the references to the images instead.
   void Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const;
 
  private:
-  // Where a primitive names its material: as its own, or as one of its variants.
+  // Where a primitive refers to its material: directly, or in one of its variants.
   struct Place {
     std::size_t mesh = 0, primitive = 0;
     std::optional<std::size_t> mapping;
@@ -72,7 +71,7 @@ class GltfTextures {
   };
   struct NewTexture {
     std::int64_t old = -1;
-    std::vector<std::size_t> readings;  // one a source of the old texture
+    std::vector<std::size_t> readings;  // one for each source of the old texture
     bool other_tile = false;
     std::int64_t slot = -1;
   };
@@ -95,7 +94,7 @@ class GltfTextures {
   const Json& root_;
   std::vector<Group> groups_;
   std::vector<bool> needs_tangents_;  // per primitive of triangles
-  std::vector<bool> is_shared_;       // per group: others use the material, too
+  std::vector<bool> is_shared_;       // per group: whether others use the material, too
   std::vector<Reading> readings_;
   std::map<std::string, std::size_t> reading_of_key_;
   std::vector<NewTexture> textures_;
@@ -103,7 +102,7 @@ class GltfTextures {
   std::vector<std::vector<std::size_t>> texture_of_use_;  // per group and use
 };
 
-// Whether a material reads an image with TEXCOORD_`texcoord`.
+// Whether a material uses an image with TEXCOORD_`texcoord`.
 bool ReadsTexcoord(const GltfMesh& gltf, int texcoord);
 // The first set of UV that no primitive has, at most 7.
 int FreeTexcoord(const GltfMesh& gltf);

@@ -92,7 +92,7 @@ class GltfUvWriter {
     const bool writes_tangents =
         options_.textures.mode == TextureMode::kTransfer &&
         std::any_of(users.begin(), users.end(), [this](std::size_t user) { return textures_.NeedsTangents(user); });
-    std::vector<double> tangents;  // four a vertex of the split
+    std::vector<double> tangents;  // four for each vertex of the split
     if (writes_tangents) {
       PLANISH_ASSIGN_OR_RETURN(tangents, SplitByTangents(users, pool.draco.has_value(), &split));
     }
@@ -100,7 +100,7 @@ class GltfUvWriter {
 
     Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
     for (const std::size_t user : users) NoteTextures(gltf_.primitives[user]);
-    // A normal map tells by which UV tangents were computed; without one it is the first set.
+    // Tangents belong to the UV of the normal map, or of the first set without one.
     const bool drops_tangents = writes_tangents || std::any_of(users.begin(), users.end(), [this](std::size_t user) {
                                   return TangentTexcoord(gltf_.primitives[user]) == options_.texcoord;
                                 });
@@ -113,7 +113,7 @@ class GltfUvWriter {
     const std::int64_t old_uv = attributes.contains(uv_name_) ? attributes[uv_name_].get<std::int64_t>() : -1;
     Json uv_shape = {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC2"}};
     const std::int64_t num_users = static_cast<std::int64_t>(users.size());
-    // TEXCOORD first, so that it takes over its old slot; then what has to grow with the vertices.
+    // TEXCOORD first, so that it gets its old slot; then attributes that grow with the vertices.
     attributes[uv_name_] = pool.draco
                                ? patch_.ReplaceWithoutBytes(old_uv, num_users, uv_shape)
                                : patch_.Replace(old_uv, num_users, uv_shape, FloatBytes(split.uv), 0, kArrayBuffer);
@@ -159,8 +159,8 @@ class GltfUvWriter {
     return absl::OkStatus();
   }
 
-  // Computes the tangents of the users' corners, in the new UV, and splits vertices that have several. Returns four
-  // numbers a vertex, or none where there are no normals: then renderers compute flat ones, and their tangents.
+  // Computes the tangents of the users' corners for the new UV, and splits vertices with several tangents. Returns four
+  // numbers a vertex. Empty without normals: then renderers compute flat normals, and tangents for them.
   absl::StatusOr<std::vector<double>> SplitByTangents(const std::vector<std::size_t>& users, bool is_draco,
                                                       CornerSplit* split) {
     TangentCorners corners;
@@ -187,7 +187,7 @@ class GltfUvWriter {
     if (tangents_.empty()) tangents_.resize(gltf_.corner_vertex.size(), {1, 0, 0, 1});
     for (std::size_t c = 0; c < numbers.size(); ++c) tangents_[numbers[c]] = tangents[c];
     if (!all_have_normals) return std::vector<double>();
-    // Numbers of different tangents stand for UV.
+    // Splits by ids of tangents in place of UV.
     std::map<std::array<float, 4>, double> ids;
     std::vector<double> id_of_corner;
     for (const std::array<float, 4>& tangent : tangents) {
@@ -212,7 +212,7 @@ class GltfUvWriter {
     return of_vertex;
   }
 
-  // Accessor `index` with a value for each vertex of the split.
+  // Accessor `index`, extended to a value for each vertex of the split.
   absl::StatusOr<std::int64_t> Grown(const Json& index, const CornerSplit& split, std::int64_t uses) {
     const std::int64_t old = index.get<std::int64_t>();
     PLANISH_ASSIGN_OR_RETURN(const GltfAccessor accessor, OpenAccessor(gltf_.document, old));
@@ -233,7 +233,7 @@ class GltfUvWriter {
     return patch_.ReplaceWithoutBytes(old, uses, Shape(old, count));
   }
 
-  // What an accessor says about its values. Bounds stay, as copies add no new values.
+  // The shape of an accessor. Bounds stay, as copies add no new values.
   Json Shape(std::int64_t old, std::int64_t count) const {
     Json shape = gltf_.document.json["accessors"][static_cast<std::size_t>(old)];
     for (const char* gone : {"bufferView", "byteOffset", "sparse"}) shape.erase(gone);
@@ -241,7 +241,7 @@ class GltfUvWriter {
     return shape;
   }
 
-  // Strips and fans become lists: they cannot name two copies of a vertex.
+  // Strips and fans become lists, since they cannot refer to two copies of a vertex.
   void WriteIndices(const std::vector<std::int32_t>& indices, std::int64_t num_vertices, Json* primitive) {
     std::int64_t old = -1;
     GltfComponent component = GltfComponent::kUshort;
@@ -268,7 +268,7 @@ class GltfUvWriter {
   absl::Status WriteDracoPrimitive(const CornerSplit& split, const std::vector<std::int32_t>& indices,
                                    bool drops_tangents, Json* primitive) {
     Json& extension = (*primitive)["extensions"][kDracoExtension];
-    // Decoded again, for how values had been rounded.
+    // Decoded again to get the quantization parameters.
     PLANISH_ASSIGN_OR_RETURN(const std::string_view compressed,
                              ViewBytes(gltf_.document, extension["bufferView"], kDracoExtension));
     PLANISH_ASSIGN_OR_RETURN(DracoPoints points, DecodeDracoPoints(std::string(compressed), true));
@@ -302,7 +302,7 @@ class GltfUvWriter {
     return absl::OkStatus();
   }
 
-  // Whatever stood there without compression is gone.
+  // Uncompressed fallback data has been removed.
   void RequireDraco() {
     for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
       Json& names = patch_.json()[list];
@@ -335,7 +335,7 @@ class GltfUvWriter {
     return 0;
   }
 
-  // Remembers the material if images are read with UV that the primitive had and that are replaced.
+  // Records the material if it uses images with the replaced UV of the primitive.
   void NoteTextures(const GltfPrimitive& primitive) {
     if (options_.textures.mode != TextureMode::kLeave) return;
     if (!PrimitiveJson(gltf_.document.json, primitive)["attributes"].contains(uv_name_)) return;
@@ -350,7 +350,7 @@ class GltfUvWriter {
     if (!textures.empty()) stale_[material] = textures;
   }
 
-  // Takes the tangents of a pool, and those of its morph targets, out of the JSON of a primitive.
+  // Removes the tangents of a pool, and those of its morph targets, from the JSON of a primitive.
   void DropTangents(std::int64_t uses, bool is_draco, bool are_replaced, Json* primitive) {
     const auto drop = [this, uses](Json* attributes) {
       const auto tangent = attributes->find(kTangent);
@@ -391,9 +391,9 @@ class GltfUvWriter {
   const std::string uv_name_;
   GltfTextures textures_;
   GltfPatch patch_;
-  std::vector<std::array<float, 4>> tangents_;  // per corner of the file, of the new UV; empty: none were asked for
+  std::vector<std::array<float, 4>> tangents_;  // per corner of the file, for the new UV; empty if not requested
   std::map<std::int64_t, std::string> stale_;   // by material: the textures that no longer fit
-  std::int64_t dropped_tangents_ = 0;           // primitives
+  std::int64_t dropped_tangents_ = 0;           // number of primitives
 };
 
 }  // namespace

@@ -53,7 +53,7 @@ absl::Status Parse(const ReadOptions& options, MeshFile* file) {
   return absl::OkStatus();
 }
 
-// What readers.h promises; a violation is a bug there, which must not become a wild access here.
+// Checks the promises of readers.h, so that a bug there cannot cause an out-of-bounds access here.
 absl::Status CheckPolygons(const PolygonMesh& mesh) {
   const std::int64_t vertices = static_cast<std::int64_t>(mesh.positions.size());
   bool sound = mesh.polygon_begin.front() == 0 &&
@@ -79,7 +79,7 @@ absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const Read
                      file.path + ": is a terminal; pipe a mesh into it, or name a file", {{"path", file.path}});
   }
   std::optional<MeshFormat> format = FormatOfPath(path);
-  // What is not there is told first: the wrong name is the likelier mistake.
+  // A missing file is reported first, since a wrong name is the likelier mistake.
   const bool is_stream = !format && IsStream(path);
   PLANISH_ASSIGN_OR_RETURN(file.bytes, format || is_stream ? ReadWholeFile(path) : ReadFileStart(path, 0));
   if (is_stream) format = FormatOfBytes(file.bytes);
@@ -126,12 +126,12 @@ bool IsStream(const std::string& path) {
 std::optional<MeshFormat> FormatOfBytes(std::string_view bytes) {
   if (bytes.starts_with("glTF")) return MeshFormat::kGlb;
   if (bytes.starts_with("DRACO")) return MeshFormat::kDraco;
-  // A binary STL may begin with anything, "solid" too: 80 bytes, the number of triangles, and 50 bytes for each.
+  // A binary STL may begin with anything, even "solid": 80 bytes, the number of triangles, and 50 bytes for each.
   std::uint32_t triangles = 0;
   if (bytes.size() >= 84) std::memcpy(&triangles, bytes.data() + 80, sizeof triangles);
   if (bytes.size() >= 84 && bytes.size() == 84 + std::uint64_t{50} * triangles) return MeshFormat::kStl;
-  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);  // the mark of UTF-8
-  // OFF may have comments before its keyword ("OFF", "STOFF", "COFF"), as OBJ has them before its elements.
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);  // the byte order mark of UTF-8
+  // OFF may have comments before its keyword ("OFF", "STOFF", "COFF"), and OBJ before its elements.
   for (std::size_t at = 0, end; at < bytes.size(); at = end) {
     end = std::min(bytes.find_first_of("\r\n", at), bytes.size());
     std::string_view line = bytes.substr(at, end - at);
@@ -153,7 +153,7 @@ std::optional<MeshFormat> FormatOfBytes(std::string_view bytes) {
 
 namespace {
 
-// What read() returns, or what it throws as an error.
+// Returns the result of read(), or its exception as an error.
 template <typename Read>
 absl::StatusOr<MeshFile> Caught(const std::string& path, const Read& read) {
   try {
@@ -199,7 +199,7 @@ std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
     return x <= 0.0031308 ? 12.92 * std::max(x, 0.0) : 1.055 * std::pow(std::min(x, 1.0), 1 / 2.4) - 0.055;
   };
   for (std::size_t i = 0; i < file.mesh.material_names.size(); ++i) {
-    std::array<double, 3> color = {1, 1, 1};  // the standard's, where a file says nothing
+    std::array<double, 3> color = {1, 1, 1};  // the standard's default
     const Json& material = file.gltf->document.json["materials"][i];
     const Json* const surface = GltfObject(material, "pbrMetallicRoughness");
     const auto factor = surface != nullptr ? surface->find("baseColorFactor") : material.end();

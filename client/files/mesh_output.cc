@@ -30,7 +30,7 @@ absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr
   return written;
 }
 
-// Draco has floats and no place for a translation.
+// Draco has only floats and no translation.
 void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* warnings) {
   if (LocalOrigin(mesh.positions).isZero(0)) return;
   warnings->push_back({"POSITION_PRECISION",
@@ -38,14 +38,14 @@ void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* war
                        ".ply, .obj and .off keep them"});
 }
 
-// An OBJ with its material file and images, where these have to follow the new UV.
+// An OBJ with its material file and images, if these must be moved to the new UV.
 absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPolygons& written,
                                          const OutputOptions& options) {
   WrittenMesh result;
   ObjMaterialEdit materials;
   ObjTextures textures(file, options);
   if (options.textures.mode == TextureMode::kLeave || IsStream(options.path)) {
-    textures.Warn(&result.warnings);  // there is no name that files beside it could have
+    textures.Warn(&result.warnings);  // stdout has no folder for files beside it
   } else if (options.textures.mode == TextureMode::kDrop) {
     textures.Drop(&materials, &result);
   } else {
@@ -90,7 +90,7 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
   return InternalError("no writer for this format");
 }
 
-// A set that is asked for must follow those that are there.
+// A new set must directly follow the existing ones.
 absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
   if (!IsGltf(file.format)) return absl::OkStatus();
   for (const GltfPrimitive& primitive : file.gltf->primitives) {
@@ -156,7 +156,7 @@ std::optional<int> FreeUvSet(const MeshFile& file) {
 
 absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options) {
   OutputOptions unchecked = options;
-  unchecked.textures.mode = TextureMode::kLeave;  // images are read when they are drawn
+  unchecked.textures.mode = TextureMode::kLeave;  // images are read when they are resampled
   PLANISH_RETURN_IF_ERROR(CheckOutput(file, unchecked));
   if (!options.uv_is_float && IsFloatByNature(options.format)) {
     return MakeError(absl::StatusCode::kInvalidArgument, "UV_PRECISION",

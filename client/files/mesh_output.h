@@ -1,4 +1,4 @@
-// Writing a mesh file with UV, in its own format or another. Functions are thread-safe.
+// Writes a mesh file with UV, in its own format or another. Functions are thread-safe.
 #pragma once
 
 #include <atomic>
@@ -14,35 +14,35 @@
 
 namespace planish {
 
-// What becomes of images that materials read with the UV that are replaced.
+// What to do with images that materials use with the replaced UV.
 enum class TextureMode {
-  kLeave,     // they stay as they are, and a warning names them: they no longer fit
-  kTransfer,  // they are resampled into the new map (client/texture)
-  kDrop,      // the references of the material are removed, and images that nothing else reads (glTF)
+  kLeave,     // unchanged; a warning lists them, as they no longer fit
+  kTransfer,  // resampled into the new map (client/texture)
+  kDrop,      // the material's references are removed, and images that nothing else uses (glTF)
 };
 
 struct TextureOptions {
   TextureMode mode = TextureMode::kLeave;
-  int size = 0;                // texels per side of the new images; 0: as client/texture's TextureSideOf() says
-  int least_size = 1;          // of size 0: smaller images would have no free texel between charts
-  std::int64_t memory = 0;     // most bytes that one image may take; 0: any number
-  bool allow_outside = false;  // images may lie outside of the model's folder
+  int size = 0;                // texels per side of the new images; 0: by client/texture's TextureSideOf()
+  int least_size = 1;          // for size 0: smaller images would have no free texel between charts
+  std::int64_t memory = 0;     // limit for one image, in bytes; 0: no limit
+  bool allow_outside = false;  // whether images may be outside of the model's folder
   int threads = 1;
-  const std::atomic<bool>* stop = nullptr;  // CANCELLED once it is true
-  // What is done next: "wood.png, 2 of 5".
+  const std::atomic<bool>* stop = nullptr;  // ends with CANCELLED once it is true
+  // Called before each image: "wood.png, 2 of 5".
   std::function<void(const std::string&)> on_image;
-  // Per polygon of the file which atlas it is in; empty: all are in one.
+  // The atlas of each polygon of the file; empty if there is only one.
   std::vector<std::int32_t> polygon_atlas;
 };
 
-// Texels per side that no new image is larger than unless TextureOptions::size says so.
+// Maximal side of new images, unless TextureOptions::size is set.
 inline constexpr int kLargestAutoTexture = 8192;
 
 struct OutputOptions {
   MeshFormat format = MeshFormat::kObj;
-  std::string path;         // of the file to be: references to others are told from there; "-": stdout
+  std::string path;         // of the output file, to which references are relative; "-": stdout
   bool uv_is_float = true;  // false: the UV need double
-  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; need not be the set that was read
+  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; may differ from the set that was read
   TextureOptions textures;
 };
 
@@ -51,64 +51,63 @@ struct OutputFile {
   std::string bytes;
 };
 
-// What the caller should know about a file that was written all the same.
+// A problem of a file that was written nevertheless.
 struct OutputWarning {
-  // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material are read with the UV that were
-  // replaced, and do not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an
-  // image would have to be larger to keep its texel density. MATERIAL_CLONED: a material is there once for each atlas.
-  // TANGENTS_DROPPED: tangents belonged to the UV that were replaced.
-  // POSITION_PRECISION: rounding to float moved vertices of a mesh far from the origin.
+  // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
+  // not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an image would have to
+  // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. TANGENTS_DROPPED:
+  // tangents belonged to the replaced UV. POSITION_PRECISION: rounding to float moved vertices of a mesh far from the
+  // origin.
   std::string reason;
   std::string message;  // a sentence for people
 };
 
 struct WrittenMesh {
-  std::vector<OutputFile> files;  // the file of the given path last, the ones it refers to first
+  std::vector<OutputFile> files;  // the file of the given path last, those it refers to first
   std::vector<OutputWarning> warnings;
 };
 
-// Whether the format has no place for UV in double. Then ask for UV in float before they are computed.
+// Whether the format cannot hold UV in double. Then request UV in float.
 bool IsFloatByNature(MeshFormat format);
 
-// What can be known before there are UV: INVALID_ARGUMENT with reason OUTPUT_UNSUPPORTED where the format cannot hold
-// UV (STL) or lacks TEXCOORD sets below options.texcoord.
+// Checks before there are UV: INVALID_ARGUMENT with reason OUTPUT_UNSUPPORTED if the format cannot hold UV (STL) or
+// lacks TEXCOORD sets below options.texcoord.
 absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 
-// Texels per side that the atlas of a surface of `total_area` should have, so that the densest tenth of what the images
-// of `file` cover keeps its texel density, if charts fill two thirds of the atlas; 0 if no image moves.
+// The side in texels that the atlas of a surface of `total_area` needs so that the densest tenth of the area covered by
+// the images of `file` keeps its texel density, if charts fill two thirds of the atlas; 0 if no image is moved.
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area);
-// Whether images of the file's materials are read with the UV that the output replaces.
+// Whether images of the file's materials use the UV that the output replaces.
 bool TexturesRead(const MeshFile& file, const OutputOptions& options);
-// A set of UV that the file does not have yet; nullopt if its format has one only.
+// A set of UV that the file does not have yet; nullopt if its format has only one.
 std::optional<int> FreeUvSet(const MeshFile& file);
 
-// Paths of the material files of an OBJ and of the images that they name, from its folder.
+// Paths, from the OBJ's folder, of its material files and of their images.
 std::vector<std::string> FilesOfObj(const std::string& path, std::string_view obj);
 
-// The file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each with all
-// else that the file says of the polygon. In its own format everything else is kept:
+// Returns the file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each
+// with everything else that the file has for the polygon. In the file's own format everything else is kept:
 //
-//   OBJ     as WriteObjWithUv (mesh_file.h). OutputOptions::textures says what becomes of images: where they move,
-//   there
-//           is a new material file as well.
-//   PLY     encoding, elements, properties, comments. Where faces have a list "texcoord" it is rewritten; otherwise
-//           vertices get "s" and "t", in place of any UV they had, and those with several UV become several vertices:
-//           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others;
-//           comments tell readers of ours which they are (seam_copies.h), and they go when the file is written again.
-//   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; all else on their lines stays.
-//   glTF    everything; TEXCOORD_n of the primitives (replaced if there), whose vertices are split like those of PLY
+//   OBJ     as WriteObjWithUv (mesh_file.h). OutputOptions::textures decides about images; if they are moved, there is
+//           a new material file as well.
+//   PLY     encoding, elements, properties, comments. A list "texcoord" of faces is rewritten. Without one, vertices
+//           get "s" and "t", in place of any UV they had, and vertices with several UV are split: Blender reads only
+//           UV of vertices, MeshLab and assimp both. Copies of vertices come after the others. Comments tell our
+//           readers which they are (seam_copies.h), and the copies are removed when the file is written again.
+//   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; the rest of their lines stays.
+//   glTF    everything. TEXCOORD_n of the primitives is added or replaced; their vertices are split like those of PLY,
 //           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:
-//           renderers compute them from the new UV. OutputOptions::textures says what becomes of images that are read
-//           with TEXCOORD_n; where normal maps move, tangents of the new UV are written.
-//           Draco-compressed primitives are compressed again, without loss. One buffer; between .gltf and .glb both
-//           ways. References to images are rewritten to be valid from options.path.
+//           renderers compute them from the new UV. OutputOptions::textures decides about images that are used with
+//           TEXCOORD_n; if normal maps are moved, tangents of the new UV are written. Draco-compressed primitives are
+//           compressed again, without loss. There is one buffer; .gltf and .glb can be converted to each other.
+//           References to images are rewritten to be valid from options.path.
 //   Draco   attributes and metadata; TEX_COORD is replaced. Points are split like the vertices of PLY. Sequential
-//           encoding: the order of faces and points stays.
+//           encoding keeps the order of faces and points.
 //
-// In another format it is the polygons (triangles for glTF and Draco) with positions, UV, and the names of materials
-// and groups where the format has them; normals, colours and the like stay behind.
+// Another format gets the polygons (triangles for glTF and Draco) with positions, UV, and the names of materials and
+// groups if it has them; normals, colours and other data are lost.
 //
-// INVALID_ARGUMENT: as CheckOutput; and UV_PRECISION for UV in double where IsFloatByNature. RESOURCE_EXHAUSTED:
+// INVALID_ARGUMENT: as CheckOutput; UV_PRECISION for UV in double if IsFloatByNature. RESOURCE_EXHAUSTED:
 // FILE_TOO_LARGE, OUT_OF_MEMORY.
 absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options);
 inline absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,

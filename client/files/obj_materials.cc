@@ -10,7 +10,7 @@
 namespace planish {
 namespace {
 
-// Keyword and what it means; maps of reflections are not read with UV.
+// Keywords and their meaning; reflection maps do not use UV.
 struct MapKeyword {
   const char* keyword;
   TextureMeaning meaning;
@@ -24,7 +24,7 @@ constexpr MapKeyword kMapKeywords[] = {
     {"map_disp", TextureMeaning::kData}, {"decal", TextureMeaning::kColor},    {"norm", TextureMeaning::kNormal},
     {"map_kn", TextureMeaning::kNormal}, {"map_norm", TextureMeaning::kNormal}};
 
-// How many words follow an option; those of -o, -s and -t are numbers, one to three.
+// The number of words after an option; those of -o, -s and -t are one to three numbers.
 std::optional<int> WordsOfOption(std::string_view option) {
   for (const std::string_view one :
        {"-blendu", "-blendv", "-boost", "-bm", "-cc", "-clamp", "-imfchan", "-texres", "-type"}) {
@@ -35,7 +35,7 @@ std::optional<int> WordsOfOption(std::string_view option) {
   return std::nullopt;
 }
 
-// The word at `*at` and the blanks behind it.
+// The word at `*at`; moves `*at` behind it and the following blanks.
 std::string_view NextWord(std::string_view text, std::size_t* at) {
   const std::size_t begin = std::min(text.find_first_not_of(" \t", *at), text.size());
   const std::size_t end = std::min(text.find_first_of(" \t", begin), text.size());
@@ -43,7 +43,7 @@ std::string_view NextWord(std::string_view text, std::size_t* at) {
   return text.substr(begin, end - begin);
 }
 
-// Words with one blank between them, as the reader of OBJ has names.
+// Words separated by one blank, as the OBJ reader stores names.
 std::string Normalized(std::string_view text) {
   std::string name;
   for (std::size_t at = 0; at < text.size();) {
@@ -61,7 +61,7 @@ bool ParseMap(std::string_view rest, MtlMap* map) {
     std::size_t next = at;
     const std::string option = absl::AsciiStrToLower(std::string(NextWord(rest, &next)));
     const std::optional<int> words = WordsOfOption(option);
-    if (!words) break;  // a file whose name begins so
+    if (!words) break;  // a file name that begins like an option
     const bool numbers = *words == 3;
     std::array<double, 3> values = {};
     int found = 0;
@@ -84,7 +84,7 @@ bool ParseMap(std::string_view rest, MtlMap* map) {
   }
   map->file = std::string(rest.substr(at));
   absl::StripAsciiWhitespace(&map->file);
-  // Exporters on Windows write such.
+  // Exporters on Windows write backslashes.
   std::replace(map->file.begin(), map->file.end(), '\\', '/');
   return !map->file.empty();
 }
@@ -140,7 +140,7 @@ std::vector<std::string> MaterialLibraries(std::string_view obj) {
     ObjTokens tokens(obj, statement);
     std::string_view word;
     if (!tokens.Next(&word) || word != "mtllib") continue;
-    // One file whose name has blanks, or several: the first is what exporters write.
+    // One file whose name has blanks, or several files. Exporters write the former.
     std::string all;
     while (tokens.Next(&word)) all.append(all.empty() ? "" : " ").append(word);
     if (!all.empty() && std::find(names.begin(), names.end(), all) == names.end()) names.push_back(all);

@@ -1,4 +1,4 @@
-// Material files of OBJ (MTL): what their materials read from images. Used inside client/files only.
+// Material files of OBJ (MTL) and the images that they use. Used only in client/files.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace planish {
 
-// One statement that names an image, as in "map_Kd -s 2 2 1 wood.png".
+// A statement that names an image, as in "map_Kd -s 2 2 1 wood.png".
 struct MtlMap {
   std::size_t line = 0;                                   // in MtlFile::lines
-  std::string keyword;                                    // as the file spells it
+  std::string keyword;                                    // as spelled in the file
   std::string options;                                    // without -s, -o and -clamp: "-bm 0.5 "
-  std::string file;                                       // from the folder of the material file
+  std::string file;                                       // relative to the folder of the material file
   std::array<double, 2> scale = {1, 1}, offset = {0, 0};  // -s and -o: u' = scale u + offset, v upwards
   bool clamp = false;
   TextureMeaning meaning = TextureMeaning::kData;
-  bool may_be_normals = false;  // bump maps are heights, but many programs name normal maps so
+  bool may_be_normals = false;  // bump maps are heights, but many programs use them for normal maps
   bool has_alpha = false;       // the material has an opacity map: colours are weighted with alpha
 };
 
@@ -40,7 +40,7 @@ MtlFile ParseMtl(std::string_view text);
 // "map_Kd -bm 1 out_wood.png"
 std::string MtlLine(const MtlMap& map, const std::string& file);
 
-// The files that the mtllib statements of an OBJ name, as it spells them, each once.
+// The files named by the mtllib statements of an OBJ, as spelled there, without repetitions.
 std::vector<std::string> MaterialLibraries(std::string_view obj);
 
 }  // namespace planish

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t kMaxIndex = std::numeric_limits<std::int32_t>::max();
 
-// The name that stands over each polygon: of its material, its object, or its object and group.
+// The name that applies to each polygon: of its material, its object, or its object and group.
 class Sections {
  public:
   void Enter(const std::string& name) {
@@ -21,7 +21,7 @@ class Sections {
     if (current_ == static_cast<std::int32_t>(names_.size())) names_.push_back(name);
   }
   void AddPolygon() { of_polygon_.push_back(current_); }
-  // Leaves both empty if there was no section at all.
+  // Leaves both empty if there was no section.
   void MoveTo(std::vector<std::int32_t>* of_polygon, std::vector<std::string>* names) {
     if (names_.empty()) return;
     *of_polygon = std::move(of_polygon_);
@@ -124,7 +124,7 @@ class ObjReader {
     return absl::OkStatus();
   }
 
-  // All that is left of the statement, blanks made one: names may have some.
+  // The rest of the statement with single blanks, since names may have blanks.
   static std::string RestOf(ObjTokens& tokens) {
     std::string text;
     std::string_view token;
@@ -135,7 +135,7 @@ class ObjReader {
     return text;
   }
 
-  // Adds the vt of a corner, still as the number of a vt statement: faces may come before it.
+  // Adds the vt of a corner, still as the number of a vt statement, since faces may come before it.
   void AddTexcoord(std::string_view texture) {
     std::int64_t index = 0;
     ParseInt(texture, &index);
@@ -193,7 +193,7 @@ class ObjReader {
         (index < 0 ? "only " + std::to_string(count) + " come before it" : "the file has " + std::to_string(count)));
   }
 
-  // Faces may come before their vertices, so that only the end of the file tells.
+  // Faces may come before their vertices, so this is checked at the end of the file.
   absl::Status CheckForwardReferences() {
     const std::int64_t count = static_cast<std::int64_t>(mesh_.positions.size());
     if (largest_vertex_ < count) return absl::OkStatus();

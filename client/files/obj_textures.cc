@@ -26,7 +26,7 @@ std::string FolderOf(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash + 1);
 }
 
-// The material files of an OBJ that can be read: their names and what is in them.
+// The readable material files of an OBJ: their names and contents.
 std::vector<std::pair<std::string, std::string>> ReadLibraries(const std::string& model, std::string_view obj,
                                                                bool allow_outside, absl::Status* outside) {
   std::vector<std::pair<std::string, std::string>> files;
@@ -48,7 +48,7 @@ std::vector<std::pair<std::string, std::string>> ReadLibraries(const std::string
   return files;
 }
 
-// Whether an image of heights is a normal map in truth: blue is high and red and green lie round the middle.
+// Whether a height map is really a normal map: blue is high, and red and green are around the middle.
 bool LooksLikeNormals(const TextureImage& image) {
   const ImageHeader& header = image.header;
   if (header.channels < 3) return false;
@@ -71,7 +71,7 @@ bool LooksLikeNormals(const TextureImage& image) {
          static_cast<double>(near) > 0.8 * count;
 }
 
-// Per corner of the file's polygons the normal of its vn; of corners without one the flat normal.
+// Per corner of the file's polygons, the normal of its vn or, without one, the flat normal.
 std::vector<std::array<float, 3>> NormalsOfObj(const MeshFile& file) {
   std::vector<std::array<float, 3>> normals;
   std::vector<std::int64_t> of_corner;
@@ -126,7 +126,7 @@ std::vector<std::array<float, 3>> NormalsOfObj(const MeshFile& file) {
   return result;
 }
 
-// `of_polygon` and `of_corner` of a file's polygons for those that are written.
+// Maps values per polygon of the file to the written polygons.
 template <typename Value>
 std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const std::vector<TornPolygon>& torn) {
   std::vector<Value> result;
@@ -253,7 +253,7 @@ absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons,
   const Triangulation triangles = Triangulate(mesh);
   std::set<std::size_t> groups(reading->groups.begin(), reading->groups.end());
   TangentCorners before, after;
-  // Charts of an atlas lie in one tile.
+  // Charts of an atlas are within one tile.
   std::map<std::int32_t, Vec2> tile;
   for (std::size_t f = 0; f < triangles.source_polygon.size(); ++f) {
     const auto p = static_cast<std::size_t>(triangles.source_polygon[f]);
@@ -318,7 +318,7 @@ absl::StatusOr<double> ObjTextures::EstimateSide(double total_area) {
   return side;
 }
 
-// All materials, with their images as they are called now. Without images: the lines that name those of groups_ go.
+// All materials, with the new names of their images. Without images: leaves out the lines of groups_'s images.
 std::string ObjTextures::MtlText(bool with_images) const {
   std::string text;
   for (std::size_t l = 0; l < libraries_.size(); ++l) {
@@ -333,7 +333,7 @@ std::string ObjTextures::MtlText(bool with_images) const {
           text += library.mtl.lines[i] + "\n";
         } else if (group == nullptr) {
           const fs::path old = fs::absolute(fs::path(file_.path).parent_path() / library.folder / map->file);
-          // As in the old file, but for the place of the image.
+          // As in the old file, except for the path of the image.
           const std::size_t at = library.mtl.lines[i].rfind(map->file);
           const std::string place =
               old.lexically_normal()
@@ -403,7 +403,7 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
   std::set<std::int32_t> ids;
   for (const Group& group : groups_) ids.insert(group.id);
   if (ids.size() == groups_.size()) return absl::OkStatus();
-  // Materials that are there several times.
+  // Materials that are written several times.
   const PolygonMesh& mesh = file_.mesh;
   for (std::size_t p = 0; p < mesh.polygon_material.size(); ++p) {
     const std::int32_t id = mesh.polygon_material[p];

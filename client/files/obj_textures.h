@@ -1,8 +1,8 @@
-// The images of an OBJ, through its material files, moved to its new map. Used inside client/files only.
+// Moves the images of an OBJ's material files to its new map. Used only in client/files.
 //
-// The new material file has all materials of the old ones. Each image becomes a new one for each way in which materials
-// read it (-s, -o, -clamp, colour or numbers, atlas); these options are applied and gone. Where several atlases share a
-// material it is there once for each.
+// The new material file has all materials of the old ones. Each image gets a new version for each way in which
+// materials read it (-s, -o, -clamp, colour or data, atlas); these options are applied and removed. A material that
+// several atlases share is copied for each.
 #pragma once
 
 #include <cstdint>
@@ -20,16 +20,16 @@ namespace planish {
 
 class ObjTextures {
  public:
-  // Reads the material files; those that cannot be read have no materials. `file` and `options` outlive the object.
+  // Reads the material files; unreadable ones have no materials. `file` and `options` outlive the object.
   ObjTextures(const MeshFile& file, const OutputOptions& options);
 
-  // Whether faces have UV and a material that reads images with them.
+  // Whether no face has both UV and a material with images.
   bool empty() const { return groups_.empty(); }
-  // That every image can be read, before there is a map; IMAGE_OUTSIDE also for material files.
+  // Checks, before there is a map, that every image can be read; IMAGE_OUTSIDE also for material files.
   absl::Status Check() const;
   absl::StatusOr<double> EstimateSide(double total_area);
 
-  // Draws the images, and writes the material file. `edit` is for the writer of the OBJ. Appends files and warnings.
+  // Resamples the images and writes the material file. `edit` is for the OBJ writer. Appends files and warnings.
   absl::Status Move(const WrittenPolygons& polygons, ObjMaterialEdit* edit, WrittenMesh* written);
   // Writes a material file without the images.
   void Drop(ObjMaterialEdit* edit, WrittenMesh* written);
@@ -38,7 +38,7 @@ class ObjTextures {
 
  private:
   struct Library {
-    std::string folder;  // from the folder of the model; empty or with a slash at the end
+    std::string folder;  // relative to the folder of the model; empty or with a slash at the end
     MtlFile mtl;
   };
   // A material in one atlas.
@@ -47,10 +47,10 @@ class ObjTextures {
     std::int32_t atlas = 0;
     std::size_t library = 0, material = 0;
     std::string name;                   // as it is written
-    std::vector<std::size_t> readings;  // one a map
+    std::vector<std::size_t> readings;  // one for each map
   };
   struct Reading {
-    std::string file;  // from the folder of the model
+    std::string file;  // relative to the folder of the model
     MtlMap map;
     std::vector<std::size_t> groups;
     TextureBake bake;

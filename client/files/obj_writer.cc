@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-// The vt lines of a mesh and the one that each corner uses.
+// The vt lines of a mesh and the vt of each corner.
 class UvTable {
  public:
   UvTable(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float)
@@ -21,7 +21,7 @@ class UvTable {
     }
   }
 
-  // 1-based, as OBJ counts.
+  // 1-based, as in OBJ.
   std::int64_t IndexOfCorner(std::int64_t corner) const { return index_of_corner_[corner] + 1; }
 
   std::string Lines(std::string_view line_end) const {
@@ -64,7 +64,7 @@ class UvTable {
   void Append(double value, std::string* text) const { AppendShortest(Rounded(value), text); }
 
   bool is_float_;
-  // Linked lists: the UV of a vertex are few.
+  // Linked lists, since a vertex has few UV.
   std::vector<std::int64_t> first_of_vertex_;
   std::vector<std::int64_t> next_;
   std::vector<Vec2> uv_;
@@ -77,15 +77,16 @@ std::string_view Keyword(std::string_view text, const ObjStatement& statement) {
   return tokens.Next(&keyword) ? keyword : std::string_view();
 }
 
-// How the first line of the text ends, with the ObjScanner's notion of a line.
+// The end of the first line, as ObjScanner finds it.
 std::string_view LineEnd(std::string_view text) {
   const std::size_t line_feed = text.find('\n');
   if (line_feed == std::string_view::npos) return text.find('\r') == std::string_view::npos ? "\n" : "\r";
   return line_feed > 0 && text[line_feed - 1] == '\r' ? "\r\n" : "\n";
 }
 
-// Offset at which the vt lines go: in place of the first old vt, else behind the last v or vn, both only if they come
-// before the first face, else right before that. So a reader in one pass knows every vt when a face names it.
+// Offset at which the vt lines are inserted: in place of the first old vt, else after the last v or vn, both only if
+// they come before the first face, else right before that. So a one-pass reader has every vt before a face refers to
+// it.
 std::size_t UvOffset(std::string_view text) {
   ObjScanner scanner(text);
   ObjStatement statement;
@@ -99,7 +100,7 @@ std::size_t UvOffset(std::string_view text) {
   return text.size();
 }
 
-// Whether corners of this element, which is no face, may refer to vt.
+// Whether corners of this element, other than a face, may refer to vt.
 bool MayReferToUv(std::string_view keyword) {
   return keyword == "l" || keyword == "p" || keyword == "surf";
 }
@@ -167,7 +168,7 @@ class ObjWriter {
     }
   }
 
-  // A statement for each part of a torn polygon.
+  // Writes a statement for each part of a torn polygon.
   void WriteParts(const ObjStatement& statement, const TornPolygon& torn) {
     CopyUntil(statement.begin);
     std::vector<ObjCorner> corners;
@@ -189,7 +190,7 @@ class ObjWriter {
     copied_ = statement.next;
   }
 
-  // Gives the corners of a face their new vt, those of any other element none.
+  // Gives the corners of a face their new vt, and removes those of other elements.
   void RewriteCorners(const ObjStatement& statement, bool is_face) {
     ObjTokens tokens(text_, statement);
     std::string_view token;
@@ -216,15 +217,15 @@ class ObjWriter {
   const PolygonMesh& mesh_;
   const ObjMaterialEdit& materials_;
   bool has_library_ = false;
-  std::string material_;  // the last usemtl that was written for a polygon
+  std::string material_;  // the last usemtl written for a polygon
   std::string out_;
-  std::size_t copied_ = 0;  // text_ before this offset is in out_, or dropped
+  std::size_t copied_ = 0;  // text_ before this offset is copied or dropped
   std::int64_t next_corner_ = 0;
   std::int64_t next_polygon_ = 0;
   std::size_t next_torn_ = 0;
 };
 
-// The digits of the file, as far as one can know: float where the file held floats.
+// The shortest digits: for a float if the file had floats.
 void AppendPosition(const Vec3& position, std::string* text) {
   for (const double value : {position.x(), position.y(), position.z()}) {
     *text += ' ';
@@ -234,8 +235,8 @@ void AppendPosition(const Vec3& position, std::string* text) {
   }
 }
 
-// "o" and "usemtl" before the polygon where they change. OBJ cannot end a material: polygons without one
-// behind others have one that is called "none".
+// Writes "o" and "usemtl" before a polygon where they change. OBJ cannot end a material: polygons without one that
+// follow others get a material called "none".
 class SectionLines {
  public:
   explicit SectionLines(const PolygonMesh& mesh) : mesh_(mesh) {}

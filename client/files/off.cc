@@ -1,4 +1,4 @@
-// OFF files, read and written.
+// Reads and writes OFF files.
 #include <algorithm>
 #include <string_view>
 #include <vector>
@@ -18,12 +18,12 @@ namespace planish {
 namespace {
 
 struct OffKeyword {
-  std::string_view token;   // "OFF", "STCOFF", ...; empty: left out, the counts come first
-  std::size_t letters = 0;  // of the token, without a byte order mark before them
-  bool has_uv = false;      // "ST": two texture coordinates end each vertex
+  std::string_view token;   // "OFF", "STCOFF", ...; empty if missing, when the counts come first
+  std::size_t letters = 0;  // length without a byte order mark
+  bool has_uv = false;      // "ST": each vertex ends with two texture coordinates
 };
 
-// Takes OFF and its variants with colours, normals and texture coordinates, all of which follow x y z on a line.
+// Accepts OFF and its variants with colours, normals and texture coordinates, all of which follow x y z on a line.
 absl::StatusOr<OffKeyword> ReadOffKeyword(TextCursor& cursor) {
   OffKeyword result;
   std::string_view keyword = cursor.Peek();
@@ -58,7 +58,7 @@ std::vector<std::string_view> LinesOf(std::string_view text) {
   return lines;
 }
 
-// Whether the line is a comment that planish has left (seam_copies.h).
+// Whether the line is a comment that planish wrote (seam_copies.h).
 bool IsMarkLine(std::string_view line) {
   return line.starts_with("#") && IsSeamMark(line.substr(1));
 }
@@ -71,7 +71,7 @@ absl::Status ReadCount(TextCursor& cursor, const char* kind, std::int64_t* count
   if (*count < 0 || *count > INT32_MAX) {
     return cursor.Fault(std::string("number of ") + kind + ": " + std::to_string(*count) + " is out of range");
   }
-  // Every element takes two bytes at the very least, so that a lie is found before memory is taken.
+  // Every element takes at least two bytes, so a wrong count is found before memory is allocated.
   if (*count > cursor.remaining() / 2) {
     return cursor.Fault("the header announces " + std::to_string(*count) + " " + kind + ", but only " +
                         std::to_string(cursor.remaining()) + " bytes follow; the file seems to be cut off");
@@ -158,12 +158,12 @@ void AppendReal(double value, bool is_float, std::string* text) {
   is_float ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
 }
 
-// See WriteObjWithUv() for the digits.
+// For the digits see WriteObjWithUv().
 void AppendUv(double value, bool is_float, std::string* text) {
   AppendReal(is_float ? double{static_cast<float>(value)} : value, /*is_float=*/false, text);
 }
 
-// Rewrites the text from left to right: what is not replaced is copied.
+// Edits the text from left to right; copies everything that is not replaced.
 class TextEditor {
  public:
   explicit TextEditor(std::string_view text) : text_(text) {}
@@ -173,7 +173,7 @@ class TextEditor {
     done_ = offset;
   }
   void Skip(std::size_t offset) { done_ = offset; }
-  // Skips the end of a line, if there is one here.
+  // Skips a line end, if there is one here.
   void SkipLineEnd() {
     const std::string_view rest = text_.substr(done_);
     done_ += rest.starts_with("\r\n") ? 2 : rest.starts_with("\n") || rest.starts_with("\r") ? 1 : 0;
@@ -192,7 +192,7 @@ class TextEditor {
  private:
   std::string_view text_;
   std::string out_;
-  std::size_t done_ = 0;  // text before this offset is in out_, or dropped
+  std::size_t done_ = 0;  // text before this offset is copied or dropped
 };
 
 class OffWriter {
@@ -212,7 +212,7 @@ class OffWriter {
       edit_.CopyUntil(edit_.OffsetOf(cursor_.Peek()));
       edit_.Insert("STOFF\n");
     } else if (!had_uv_) {
-      // Behind a byte order mark that the token may begin with.
+      // After a byte order mark at the begin of the token.
       const std::size_t letters = keyword.token.size() - keyword.letters;
       edit_.Replace(keyword.token.substr(letters, 0), "ST");
     }
@@ -243,7 +243,7 @@ class OffWriter {
   }
 
  private:
-  // Each with what follows the corners on the polygon's line, a colour for instance.
+  // Writes each part with the rest of the polygon's line, such as a colour.
   void WriteParts(const TornPolygon& torn, std::size_t* corner) {
     const std::string_view count = cursor_.Token();
     std::string_view last;
@@ -269,7 +269,7 @@ class OffWriter {
     cursor_.SkipLine();
   }
 
-  // In place of old marks: what stands before the number of vertices, which is `count`.
+  // Replaces old marks by new ones before the number of vertices, `count`.
   void WriteMarks(std::string_view count) {
     const std::size_t end = edit_.OffsetOf(count);
     const std::string_view before = std::string_view(file_.bytes).substr(edit_.done(), end - edit_.done());
@@ -286,7 +286,7 @@ class OffWriter {
     for (const std::string& mark : marks) edit_.Insert("# " + mark + "\n");
   }
 
-  // The file has `old_count` of them, the last of which may be copies that are left out.
+  // The file has `old_count` vertices; the last ones may be copies, which are left out.
   void WriteVertices(std::size_t old_count) {
     const std::size_t count = file_.mesh.positions.size();
     std::vector<std::string> old(count);

@@ -43,7 +43,7 @@ std::vector<std::string_view> Words(std::string_view line) {
   return words;
 }
 
-// Whether the first face, read in the encoding of this header, has vertices that the file has.
+// Whether the first face, read in this header's encoding, has vertices that exist.
 bool HasSoundFace(const std::string& path, std::string_view bytes, const PlyHeader& header) {
   const absl::StatusOr<PlyLayout> layout = FindPlyLayout(path, header);
   if (!layout.ok()) return false;
@@ -71,8 +71,7 @@ bool HasSoundFace(const std::string& path, std::string_view bytes, const PlyHead
   return true;
 }
 
-// What the data look like where the header does not say it: text, or else numbers whose bytes come in one of two
-// orders.
+// Guesses the encoding if the header does not say it: text, or binary in one of two byte orders.
 PlyEncoding GuessEncoding(const std::string& path, std::string_view bytes, const PlyHeader& header) {
   const std::string_view data = bytes.substr(header.data_offset);
   const bool is_text =
@@ -121,7 +120,7 @@ class HeaderReader {
  private:
   absl::Status Fault(const std::string& message) const { return FileMalformed(path_, line_, message); }
 
-  // Lines end with LF, CRLF or CR. The line is without its end.
+  // Lines end with LF, CRLF or CR. Returns the line without its end.
   bool NextLine(std::string_view* line) {
     const std::size_t end = bytes_.find_first_of("\r\n", position_);
     if (end == std::string_view::npos) return false;
@@ -361,7 +360,7 @@ absl::Status PlyValues::Skip(const ElementName& element, PlyType type, std::int6
     }
     return absl::OkStatus();
   }
-  // Counts are at most 2^32 here, so the product does not overflow.
+  // Counts are at most 2^32 here, so the product cannot overflow.
   const std::uint64_t size = static_cast<std::uint64_t>(count) * PlyTypeSize(type);
   if (bytes_.size() - position_ < size) return CutOff(element);
   position_ += size;

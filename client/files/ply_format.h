@@ -1,4 +1,4 @@
-// PLY: the header, how its elements lie in the file, and their values. Used inside client/files only.
+// PLY: the header, the layout of the elements in the file, and their values. Used only in client/files.
 #pragma once
 
 #include <array>
@@ -36,16 +36,16 @@ struct PlyElement {
 
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
-  bool has_format = false;                   // false: the header does not tell the encoding, and the data did
+  bool has_format = false;                   // false: the encoding was guessed from the data
   std::vector<PlyElement> elements;          // in the order of their data
-  std::size_t data_offset = 0;               // of the first byte behind the header
+  std::size_t data_offset = 0;               // of the first byte after the header
   std::int64_t data_line = 1;                // 1-based, for ascii
   std::vector<std::string_view> seam_marks;  // comments, for JoinSeamVertices()
 };
 
-// Where the line "format" is missing, the encoding is the one in which the data make sense. Counts are checked against
-// the bytes that follow: at least two characters per value in ascii, the sizes of the scalars and list lengths in
-// binary. Errors as in readers.h.
+// If the line "format" is missing, uses the encoding in which the data makes sense. Checks counts against the bytes
+// that follow: at least two characters per value in ascii, the sizes of scalars and list lengths in binary. Errors as
+// in readers.h.
 absl::StatusOr<PlyHeader> ReadPlyHeader(const std::string& path, std::string_view bytes);
 
 // Indices of elements in the header, and of properties in their element.
@@ -56,31 +56,31 @@ struct PlyLayout {
   std::size_t indices = 0;  // the list of a face's vertices
   // UV of the vertices: s and t, u and v, texture_u and texture_v, or texture_s and texture_t.
   std::optional<std::array<std::size_t, 2>> vertex_uv;
-  // UV of a face's corners, u v u v ...: the list texcoord (MeshLab and its kin).
+  // UV of a face's corners, u v u v ...: the list texcoord (MeshLab and related programs).
   std::optional<std::size_t> face_uv;
 };
 
-// FILE_MALFORMED: no vertices or faces, or one of their necessary properties is missing or of the wrong type.
+// FILE_MALFORMED: no vertices or faces, or a required property is missing or has the wrong type.
 absl::StatusOr<PlyLayout> FindPlyLayout(const std::string& path, const PlyHeader& header);
 
-// In ascii or binary alike. Errors as in readers.h.
+// Reads values in ascii or binary. Errors as in readers.h.
 class PlyValues {
  public:
   // `path`, `bytes` (the whole file) and `header` must outlive the object.
   PlyValues(const std::string& path, std::string_view bytes, const PlyHeader& header);
 
   bool is_text() const { return encoding_ == PlyEncoding::kAscii; }
-  // Of the last value; 0 in binary files.
+  // The line of the last value; 0 in binary files.
   std::int64_t line() const { return is_text() ? cursor_.line() : 0; }
 
   absl::Status ReadDouble(const ElementName& element, PlyType type, double* value);
   absl::Status ReadInt(const ElementName& element, PlyType type, std::int64_t* value);
-  // Skips `count` values, whatever they are.
+  // Skips `count` values.
   absl::Status Skip(const ElementName& element, PlyType type, std::int64_t count);
-  // Skips a property, a list with all its values, and appends it to `copy` as it is in the file: binary values, or
-  // ascii ones with a blank behind each.
+  // Skips a property (a list with all its values) and appends it to `copy` as in the file: binary values, or ascii ones
+  // with a blank after each.
   absl::Status Copy(const ElementName& element, const PlyProperty& property, std::string* copy);
-  // Skips a property, whatever it is.
+  // Skips a property of any kind.
   absl::Status SkipProperty(const ElementName& element, const PlyProperty& property);
 
   absl::Status Fault(const std::string& message) const;

@@ -19,7 +19,7 @@ class PlyReader {
     num_vertices_ = header_.elements[layout_.vertex].count;
     for (std::size_t i = 0; i < header_.elements.size(); ++i) {
       const PlyElement& element = header_.elements[i];
-      // Without properties there is no data, and the count is just a number.
+      // Without properties there is no data, and the count has no effect.
       if (element.properties.empty()) continue;
       if (i == layout_.vertex) {
         PLANISH_RETURN_IF_ERROR(ReadVertices(element));
@@ -36,7 +36,7 @@ class PlyReader {
 
  private:
   absl::Status ReadVertices(const PlyElement& element) {
-    // Which coordinate a property is (3 and 4: u and v), or none.
+    // The coordinate of each property (3 and 4: u and v), or none.
     std::vector<int> target_of(element.properties.size(), kNoId);
     if (layout_.vertex_uv) target_of[(*layout_.vertex_uv)[0]] = 3;
     if (layout_.vertex_uv) target_of[(*layout_.vertex_uv)[1]] = 4;
@@ -126,7 +126,7 @@ class PlyReader {
     return absl::OkStatus();
   }
 
-  // The UV of corners win over those of vertices: where a file has both, the former are the finer ones.
+  // UV of corners take precedence over those of vertices, as they are more precise.
   void FinishTexcoords() {
     const auto& corners = mesh_.corner_texcoord;
     if (std::any_of(corners.begin(), corners.end(), [](std::int32_t id) { return id != kNoId; })) {
@@ -137,7 +137,7 @@ class PlyReader {
     if (!layout_.vertex_uv) return;
     for (const std::int32_t vertex : mesh_.corner_vertex) mesh_.corner_texcoord.push_back(vertex_texcoord_[vertex]);
     mesh_.texcoords = texcoords_.TakeValues();
-    // With UV of faces the writer leaves vertices as they are.
+    // With UV in faces the writer does not split vertices.
     if (!layout_.face_uv) JoinSeamVertices(header_.seam_marks, &mesh_);
   }
 
@@ -148,7 +148,7 @@ class PlyReader {
   std::int64_t num_vertices_ = 0;
   TexcoordTable texcoords_;
   std::vector<std::int32_t> vertex_texcoord_;
-  std::vector<std::int32_t> face_texcoord_;  // of the face at hand
+  std::vector<std::int32_t> face_texcoord_;  // of the current face
   PolygonMesh mesh_;
 };
 

@@ -45,7 +45,7 @@ const char* NameOf(PlyEncoding encoding) {
   return "";
 }
 
-// Values on their way out, in ascii each with a blank behind it.
+// Writes values; in ascii with a blank after each.
 class PlySink {
  public:
   explicit PlySink(PlyEncoding encoding) : encoding_(encoding) {}
@@ -101,7 +101,7 @@ class PlyWriter {
         uv_type_(uv_type),
         values_(file.path, file.bytes, header),
         sink_(header.encoding) {
-    // With UV in the faces the vertices stay as they are.
+    // With UV in the faces, vertices stay unchanged.
     if (!layout_.face_uv) {
       split_ = SplitForFile(written.mesh, written.corner_uv);
     }
@@ -133,12 +133,12 @@ class PlyWriter {
   }
 
  private:
-  // UV that the new ones replace. Where faces have them, those of vertices go: two sets would contradict each other.
+  // UV that are replaced. If faces have UV, those of vertices are removed, since two sets would contradict each other.
   bool IsOldVertexUv(std::size_t property) const {
     return layout_.vertex_uv && (property == (*layout_.vertex_uv)[0] || property == (*layout_.vertex_uv)[1]);
   }
 
-  // The header's lines as they are, but for what changes. Line ends are those of its first line.
+  // Copies the header's lines except for changes. Line ends are those of its first line.
   void WriteHeader() {
     const std::string_view text = std::string_view(file_.bytes).substr(0, header_.data_offset);
     const std::size_t first_end = text.find_first_of("\r\n");
@@ -179,7 +179,7 @@ class PlyWriter {
     }
   }
 
-  // What the header has before its first element.
+  // Adds lines before the header's first element.
   void AddMarks(const std::string& line_end) {
     if (!header_.has_format) sink_.bytes += std::string("format ") + NameOf(header_.encoding) + " 1.0" + line_end;
     if (layout_.face_uv) return;
@@ -192,7 +192,7 @@ class PlyWriter {
     }
   }
 
-  // A polygon of n corners has 2 n numbers, which a byte may not hold where it held n.
+  // A polygon of n corners has 2 n numbers; a byte may hold n but not 2 n.
   PlyType FaceUvCountType() const {
     const PlyType old = header_.elements[layout_.face].properties[*layout_.face_uv].count_type;
     std::int64_t largest = 0;
@@ -203,7 +203,7 @@ class PlyWriter {
   }
 
   absl::Status WriteVertices(const PlyElement& element) {
-    // Bytes of each old vertex without its UV, for the copies. Copies that the file has already are left out.
+    // The bytes of each old vertex without its UV, for the copies. Leaves out copies that the file already has.
     const auto kept = static_cast<std::int64_t>(file_.mesh.positions.size());
     std::vector<std::string> old(split_.source.empty() ? 0 : static_cast<std::size_t>(kept));
     std::string bytes;
@@ -238,7 +238,7 @@ class PlyWriter {
   }
 
   absl::Status WriteFaces(const PlyElement& element) {
-    std::vector<std::string> values(element.properties.size());  // of a face, as they are in the file
+    std::vector<std::string> values(element.properties.size());  // of a face, as in the file
     auto torn = written_.torn.begin();
     std::int64_t written = 0;
     for (std::int64_t i = 0; i < element.count; ++i) {

@@ -14,7 +14,7 @@ namespace planish {
 
 namespace {
 
-// The corners of a polygon whose vertex differs from the one before. All, where fewer than three would be left.
+// The corners of a polygon whose vertex differs from the one before; all corners if fewer than three would remain.
 std::vector<std::int64_t> DifferentCorners(const PolygonMesh& polygons, std::int64_t begin, std::int64_t end) {
   const auto& vertex = polygons.corner_vertex;
   std::vector<std::int64_t> corners;
@@ -28,7 +28,7 @@ std::vector<std::int64_t> DifferentCorners(const PolygonMesh& polygons, std::int
   return corners;
 }
 
-// Corners of [begin, end) that are not in `corners`, each with the neighbour of the same vertex that is.
+// Appends the corners of [begin, end) that are not in `corners`, each with the neighbour that has the same vertex.
 void AppendRepeated(const PolygonMesh& polygons, std::int64_t begin, std::int64_t end,
                     const std::vector<std::int64_t>& corners, std::vector<std::array<std::int64_t, 2>>* repeated) {
   std::size_t next = 0;
@@ -50,8 +50,8 @@ bool Revisits(const PolygonMesh& polygons, const std::vector<std::int64_t>& corn
   return std::adjacent_find(vertices.begin(), vertices.end()) != vertices.end();
 }
 
-// Per face of [begin, end): its group, a number of a face less `begin`. Faces are joined over diagonals as long as no two
-// corners of a group have the same vertex.
+// Per face of [begin, end), its group, as the number of a face minus `begin`. Joins faces over diagonals as long as no
+// two corners of a group have the same vertex.
 std::vector<std::int32_t> GroupsThatVisitOnce(const Triangulation& triangles, std::int64_t begin, std::int64_t end) {
   const auto count = static_cast<std::size_t>(end - begin);
   UnionFind groups(count);

@@ -14,9 +14,9 @@ namespace {
 // "planish_seam_copies N": the last N vertices are copies. With "joined", vertices at the same position are one.
 constexpr std::string_view kCopies = "planish_seam_copies";
 constexpr std::string_view kJoined = "joined";
-// "planish_copy_of A B ...": what the copies stand for whose position several other vertices have, in their order.
+// "planish_copy_of A B ...": the sources of those copies, in order, whose position several other vertices have.
 constexpr std::string_view kCopyOf = "planish_copy_of";
-constexpr std::size_t kMostIdsOnALine = 16;  // some readers have lines of 256 characters
+constexpr std::size_t kMostIdsOnALine = 16;  // some readers limit lines to 256 characters
 
 std::vector<std::string_view> WordsOf(std::string_view line) {
   std::vector<std::string_view> words;
@@ -28,7 +28,7 @@ std::vector<std::string_view> WordsOf(std::string_view line) {
   return words;
 }
 
-// Per vertex the first one at its position, and how many of the first `count` are there.
+// Per vertex, the first one at its position, and how many of the first `count` vertices are there.
 class Places {
  public:
   Places(const std::vector<Vec3>& positions, std::size_t count) {
@@ -78,7 +78,7 @@ std::optional<Marks> ParseMarks(const std::vector<std::string_view>& lines) {
   return marks;
 }
 
-// What each of the last vertices is a copy of; nothing if the marks do not fit the vertices.
+// The source of each of the last vertices; nothing if the marks do not match the vertices.
 std::optional<std::vector<std::int32_t>> SourcesOf(const Marks& marks, const std::vector<Vec3>& positions) {
   const auto count = static_cast<std::int64_t>(positions.size());
   if (marks.copies < 0 || marks.copies >= count) return std::nullopt;

@@ -29,7 +29,7 @@ class Welder {
     vertices_.Reserve(triangles / 2 + 3);
   }
 
-  // `line` 0: the file has no lines.
+  // `line` 0: the file is binary.
   void AddCorner(const Vec3& position, std::int64_t line) {
     const std::int32_t vertex = vertices_.Add(position);
     if (vertex == static_cast<std::int32_t>(mesh_.positions.size())) {
@@ -69,7 +69,7 @@ absl::StatusOr<PolygonMesh> ReadBinary(const std::string& path, std::string_view
   Welder welder;
   welder.Reserve(triangles);
   for (std::uint32_t t = 0; t < triangles; ++t) {
-    // The normal, 12 bytes, is not needed.
+    // Skips the normal, 12 bytes.
     const char* value = bytes.data() + kFirstTriangle + std::size_t{t} * kTriangleBytes + 12;
     for (int corner = 0; corner < 3; ++corner) {
       Vec3 position;
@@ -93,7 +93,7 @@ absl::Status Expect(TextCursor& cursor, const char* keyword) {
 absl::Status ReadFacet(TextCursor& cursor, Welder* welder) {
   const ElementName facet = {"triangle", welder->mesh().num_polygons()};
   const std::int64_t line = cursor.line();
-  // The normal is not needed and often nonsense.
+  // The normal is not needed, and often wrong.
   PLANISH_RETURN_IF_ERROR(Expect(cursor, "normal"));
   for (int axis = 0; axis < 3; ++axis) cursor.Token();
   PLANISH_RETURN_IF_ERROR(Expect(cursor, "outer"));
@@ -136,7 +136,7 @@ absl::StatusOr<PolygonMesh> ReadAscii(const std::string& path, std::string_view 
   return std::move(welder.mesh());
 }
 
-// "solid" alone does not tell: many binary files start with it as well.
+// "solid" alone does not suffice: many binary files start with it as well.
 bool IsAscii(std::string_view bytes) {
   if (bytes.size() >= kFirstTriangle) {
     const std::uint64_t triangles = LittleEndian32(bytes.data() + kHeaderBytes);

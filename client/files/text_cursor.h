@@ -1,4 +1,4 @@
-// Tokens and numbers of ascii PLY, OFF and STL, with the line they stand on.
+// Reads tokens and numbers of ascii PLY, OFF and STL, with their line numbers.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace planish {
 
-// What a value belongs to, for messages: "vertex 12".
+// The element of a value, for messages: "vertex 12".
 struct ElementName {
   const char* kind;
   std::int64_t index;  // 0-based
@@ -18,15 +18,15 @@ struct ElementName {
 
 class TextCursor {
  public:
-  // `path` and `text` must outlive the cursor. With `hash_comments` a '#' hides the rest of its line.
+  // `path` and `text` must outlive the cursor. With `hash_comments`, '#' begins a comment up to the end of the line.
   TextCursor(const std::string& path, std::string_view text, std::int64_t first_line, bool hash_comments)
       : path_(path), text_(text), line_(first_line), hash_comments_(hash_comments) {}
 
   // The next token, or an empty one at the end of the text.
   std::string_view Token();
-  // The next token, left in place.
+  // The next token, without consuming it.
   std::string_view Peek();
-  // The tokens that are left on the line of the last one.
+  // The remaining tokens on the line of the last one.
   std::vector<std::string_view> RestOfLine();
   // Moves to the next line.
   void SkipLine();
@@ -35,7 +35,7 @@ class TextCursor {
   // Bytes not read yet.
   std::int64_t remaining() const { return static_cast<std::int64_t>(text_.size() - position_); }
 
-  // Read the next token as a number, or fail naming `element`.
+  // Read the next token as a number, or fail with a message about `element`.
   absl::Status ReadDouble(const ElementName& element, double* value);
   absl::Status ReadInt(const ElementName& element, std::int64_t* value);
 

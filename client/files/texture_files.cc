@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::int64_t kLargestImageFile = std::int64_t{1} << 30;
 
-// Without symbolic links, as far as the path exists.
+// Resolves symbolic links as far as the path exists.
 fs::path Resolved(const fs::path& path) {
   std::error_code error;
   const fs::path resolved = fs::weakly_canonical(path, error);
@@ -64,7 +64,7 @@ absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake
   int side = options.size;
   if (side == 0 && old.texels() > 1) {
     const double wanted = TextureSideOf(bake.triangles, bake.areas, old.width, old.height);
-    // Multiples of four can be compressed by GPUs.
+    // GPUs can compress sizes that are multiples of four.
     const double rounded = 4 * std::ceil(std::min(wanted, 1e9) / 4 - 1e-9);
     side = std::min(kLargestAutoTexture, std::max(options.least_size, static_cast<int>(rounded)));
     if (rounded > kLargestAutoTexture) {

@@ -1,4 +1,4 @@
-// Image files that a model refers to, and those that are written for it. Used inside client/files only.
+// Reads image files that a model refers to, and makes new ones. Used only in client/files.
 #pragma once
 
 #include <set>
@@ -12,37 +12,37 @@
 
 namespace planish {
 
-// The bytes of the image file `name` beside the model at `model`. FILE_UNREADABLE, or IMAGE_OUTSIDE if it does not lie
-// in the folder of the model and !allow_outside.
+// The bytes of the image file `name` beside the model at `model`. FILE_UNREADABLE, or IMAGE_OUTSIDE if it is outside of
+// the model's folder and !allow_outside.
 absl::StatusOr<std::string> ReadImageFile(const std::string& model, const std::string& name, bool allow_outside);
 
-// `status` with what to do if an image stands in the way.
+// Adds advice about unusable images to `status`.
 absl::Status WithTextureAdvice(const absl::Status& status);
 
-// One image that is to be made.
+// An image to resample.
 struct TextureBake {
   std::string name;  // for people
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
   bool nearest = false;
   BakeOptions options;
   std::vector<TextureTriangle> triangles;
-  std::vector<double> areas;         // of the surface, a triangle
-  std::vector<CornerFrames> frames;  // three a triangle, or none
+  std::vector<double> areas;         // on the surface, one for each triangle
+  std::vector<CornerFrames> frames;  // three for each triangle, or empty
 };
 
-// Decodes, resamples and encodes one image, of the same kind and with the same channels. Warns with TEXTURE_SIZE.
-// Errors of the image; RESOURCE_EXHAUSTED, TEXTURE_MEMORY; CANCELLED.
+// Decodes, resamples and encodes one image, in the same format with the same channels. Warns with TEXTURE_SIZE. Errors
+// of the image; RESOURCE_EXHAUSTED, TEXTURE_MEMORY; CANCELLED.
 absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
                                       std::vector<OutputWarning>* warnings);
 
-// Names of new image files of one output: beside it, "OUTPUT_IMAGE.png", each once.
+// Names of the new image files of one output, beside it: "OUTPUT_IMAGE.png", without repetitions.
 class TextureFileNames {
  public:
-  // `taken` are files that must not be overwritten, because the model reads them.
+  // `taken` are files that the model reads and that must not be overwritten.
   TextureFileNames(const std::string& output, const std::vector<std::string>& taken);
-  // The path of a new file for an image that is called `image`.
+  // The path of a new file for the image called `image`.
   std::string Next(const std::string& image, ImageKind kind);
-  // Of a material file, "OUTPUT.mtl".
+  // The path of a new material file, "OUTPUT.mtl".
   std::string NextMaterialFile();
 
  private:

@@ -10,16 +10,18 @@ namespace {
 
 using TriangleCorners = std::vector<std::int32_t>;  // 3 f + k
 
-// The triangles of a file with the UV that a map gives them.
+// The triangles of a file with their UV in a map.
 class MappedTriangles {
  public:
   MappedTriangles(const PolygonMesh& polygons, const Triangulation& triangles, const double* uv)
       : polygons_(polygons), triangles_(triangles), uv_(uv) {}
 
-  std::int64_t PolygonCorner(std::int32_t c) const { return triangles_.corner_of_triangle[static_cast<std::size_t>(c)]; }
+  std::int64_t PolygonCorner(std::int32_t c) const {
+    return triangles_.corner_of_triangle[static_cast<std::size_t>(c)];
+  }
   const double* Uv(std::int32_t c) const { return uv_ + 2 * static_cast<std::ptrdiff_t>(c); }
 
-  // Whether no chart holds the triangle.
+  // Whether the triangle is in no chart.
   bool IsVoid(std::int32_t f) const {
     std::array<std::int32_t, 3> v;
     for (int k = 0; k < 3; ++k) v[k] = polygons_.corner_vertex[PolygonCorner(3 * f + k)];
@@ -28,7 +30,7 @@ class MappedTriangles {
     return p == polygons_.positions[v[1]] && p == polygons_.positions[v[2]];
   }
 
-  // The faces to write in place of the torn polygon of triangles [begin, end).
+  // The faces that replace the torn polygon of triangles [begin, end).
   std::vector<TriangleCorners> PartsOf(std::int32_t begin, std::int32_t end) const {
     UnionFind groups(static_cast<std::size_t>(end - begin));
     const std::vector<std::array<std::int32_t, 2>> diagonals = Diagonals(triangles_, begin, end);
@@ -49,7 +51,7 @@ class MappedTriangles {
     return SameUv(FlatLinks::Next(c), FlatLinks::Prev(d)) && SameUv(FlatLinks::Prev(c), FlatLinks::Next(d));
   }
 
-  // One face, if whoever reads it will cut it into the same triangles; otherwise triangle by triangle.
+  // Appends one face if readers will cut it into the same triangles; otherwise one face for each triangle.
   void AppendParts(const std::vector<std::int32_t>& faces, std::vector<TriangleCorners>* parts) const {
     if (TriangleCorners outline = OutlineOf(faces); IsCutInto(outline, faces)) {
       parts->push_back(std::move(outline));
@@ -58,8 +60,8 @@ class MappedTriangles {
     for (const std::int32_t f : faces) parts->push_back({3 * f, 3 * f + 1, 3 * f + 2});
   }
 
-  // Of triangles that hang together over diagonals: from the lowest corner of the polygon on. Empty if it passes through
-  // a corner twice.
+  // The outline of triangles connected over diagonals, from the lowest corner of the polygon on. Empty if it passes
+  // through a corner twice.
   TriangleCorners OutlineOf(const std::vector<std::int32_t>& faces) const {
     std::map<std::pair<std::int64_t, std::int64_t>, int> sides;
     const auto edge = [&](std::int32_t c) {
@@ -98,7 +100,8 @@ class MappedTriangles {
       return triangle;
     };
     std::vector<Vec3> points;
-    for (const std::int32_t c : outline) points.push_back(polygons_.positions[polygons_.corner_vertex[PolygonCorner(c)]]);
+    for (const std::int32_t c : outline)
+      points.push_back(polygons_.positions[polygons_.corner_vertex[PolygonCorner(c)]]);
     std::vector<Triangle> made, wanted;
     for (const auto& [i, j, k] : TrianglesOfPolygon(points)) made.push_back(sorted(outline[i], outline[j], outline[k]));
     for (const std::int32_t f : faces) wanted.push_back(sorted(3 * f, 3 * f + 1, 3 * f + 2));
@@ -126,15 +129,17 @@ PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangl
     end = begin + 1;
     while (end < num_faces && triangles.source_polygon[static_cast<std::size_t>(end)] == polygon) ++end;
     bool is_torn = false;
-    for (const bool is_void : {true, false}) {  // what no chart holds comes first, and is overwritten
+    for (const bool is_void : {true, false}) {  // triangles in no chart come first, and are overwritten
       for (std::int32_t f = begin; f < end; ++f) {
         if (end - begin > 1 && mapped.IsVoid(f) != is_void) continue;
-        for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) std::copy_n(mapped.Uv(c), 2, at_corner(mapped.PolygonCorner(c)));
+        for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c)
+          std::copy_n(mapped.Uv(c), 2, at_corner(mapped.PolygonCorner(c)));
       }
     }
     if (end - begin == 1) continue;
     for (std::int32_t c = 3 * begin; c < 3 * end && !is_torn; ++c) {
-      is_torn = !std::equal(mapped.Uv(c), mapped.Uv(c) + 2, at_corner(mapped.PolygonCorner(c))) && !mapped.IsVoid(c / 3);
+      is_torn =
+          !std::equal(mapped.Uv(c), mapped.Uv(c) + 2, at_corner(mapped.PolygonCorner(c))) && !mapped.IsVoid(c / 3);
     }
     if (!is_torn) continue;
     TornPolygon torn = {polygon, {}};
@@ -152,7 +157,9 @@ PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangl
   if (result.torn.empty()) return result;
   std::vector<double> written;
   std::int64_t copied = 0;  // corners before it are in `written`, or belong to torn polygons
-  const auto copy_until = [&](std::int64_t corner) { written.insert(written.end(), at_corner(copied), at_corner(corner)); };
+  const auto copy_until = [&](std::int64_t corner) {
+    written.insert(written.end(), at_corner(copied), at_corner(corner));
+  };
   for (const auto& [polygon, own_uv] : torn_uv) {
     copy_until(polygons.polygon_begin[polygon]);
     written.insert(written.end(), own_uv.begin(), own_uv.end());
@@ -183,7 +190,8 @@ PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<Torn
     for (std::size_t f = 0; f < faces; ++f) {
       corners.clear();
       if (is_torn) corners = next->faces[f];
-      for (std::int64_t c = polygons.polygon_begin[p]; !is_torn && c < polygons.polygon_begin[p + 1]; ++c) corners.push_back(c);
+      for (std::int64_t c = polygons.polygon_begin[p]; !is_torn && c < polygons.polygon_begin[p + 1]; ++c)
+        corners.push_back(c);
       for (const std::int64_t c : corners) {
         result.corner_vertex.push_back(polygons.corner_vertex[c]);
         add(polygons.corner_file_vertex, c, &result.corner_file_vertex);

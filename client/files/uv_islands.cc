@@ -12,10 +12,10 @@
 namespace planish {
 namespace {
 
-// Per vertex the number of its position, in [0, num_vertices); equal positions share one. -1: no face has the vertex.
+// Per vertex the number of its position, in [0, num_vertices); equal positions share one. -1: unused vertex.
 std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
   const std::vector<char> is_used = UsedVertices(mesh);
-  // -0 becomes 0, so that comparing numbers and comparing places is the same.
+  // Adding 0 turns -0 into 0, so that equal numbers have equal bits.
   std::vector<std::pair<std::array<double, 3>, std::int32_t>> positions;
   for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
     const Vec3& p = mesh.positions[v];
@@ -31,7 +31,7 @@ std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
   return number;
 }
 
-// Groups corners by position, which takes no sorting of corners, and sorts each group by UV.
+// Groups corners by position, which needs no sorting, and sorts each group by UV.
 void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* islands) {
   struct At {
     double u, v;
@@ -60,7 +60,8 @@ void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* isla
   }
 }
 
-// Faces that are one place have no edge: they go with the first face that has more than it, or else with each other.
+// Faces whose corners coincide have no edges: joins them with the first larger face at that place, or else with each
+// other.
 void JoinPointFaces(const std::vector<std::int32_t>& place, std::int32_t num_places, UnionFind* sets) {
   const auto num_faces = static_cast<std::int32_t>(place.size() / 3);
   const auto is_point = [&](std::int32_t f) {

@@ -10,20 +10,20 @@
 
 namespace planish {
 
-// The polygons of a file as they are written, WithTornPolygons(file.mesh, torn), with (u, v) per corner.
+// The polygons to write, WithTornPolygons(file.mesh, torn), with (u, v) per corner.
 struct WrittenPolygons {
   const PolygonMesh& mesh;
   const std::vector<double>& corner_uv;
   std::vector<TornPolygon> torn;
 };
 
-// What an OBJ says of its materials in place of what it said before.
+// New material references of an OBJ.
 struct ObjMaterialEdit {
-  std::string library;                  // the only material file; empty: those of the file stay
-  std::vector<std::string> of_polygon;  // names, per polygon of the file; empty: those of the file stay
+  std::string library;                  // the only material file; empty: keep those of the file
+  std::vector<std::string> of_polygon;  // names, per polygon of the file; empty: keep those of the file
 };
 
-// Into the file's own bytes; file.format must be that of the writer.
+// Write into the file's own bytes; file.format must be that of the writer.
 std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
                      const ObjMaterialEdit& materials = {});
 absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
@@ -32,7 +32,7 @@ absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<do
                                       const OutputOptions& options);
 absl::StatusOr<std::string> WriteDraco(const MeshFile& file, const std::vector<double>& corner_uv);
 
-// From polygons alone.
+// Write from polygons alone.
 std::string PlainObj(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
@@ -40,12 +40,12 @@ absl::StatusOr<WrittenMesh> PlainGltf(const PolygonMesh& mesh, const std::vector
                                       const OutputOptions& options);
 absl::StatusOr<std::string> PlainDraco(const PolygonMesh& mesh, const std::vector<double>& corner_uv);
 
-// glTF counts v downwards: 1 - v in float, and a warning where that rounding turns or flattens triangles.
+// UV of glTF, whose v points downwards: 1 - v in float. Warns if that rounding flips or flattens triangles.
 class FlippedUv {
  public:
   explicit FlippedUv(const std::vector<double>& corner_uv);
   const std::vector<double>& values() const { return values_; }
-  // `corners` of triangles, three each. Appends to `warnings` if needed.
+  // `corners` of triangles, three each. May append to `warnings`.
   void Check(const std::vector<std::int64_t>& corners, std::vector<OutputWarning>* warnings) const;
 
  private:
@@ -53,8 +53,8 @@ class FlippedUv {
   std::vector<double> values_;
 };
 
-// The file or files of a glTF document: .glb with `buffer` inside; .gltf with a data URI, or with a .bin beside it
-// where `external_buffer`.
+// The file or files of a glTF document: .glb with `buffer` inside; .gltf with a data URI, or with a .bin beside it if
+// `external_buffer`.
 absl::StatusOr<WrittenMesh> GltfFiles(Json json, std::string buffer, int indent, const std::string& other_chunks,
                                       bool external_buffer, const OutputOptions& options);
 

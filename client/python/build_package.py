@@ -21,8 +21,8 @@ import sys
 import textwrap
 import zipfile
 
-# google/rpc is compiled under a name of the package's own. Two packages that bring the same file under the same name cannot be
-# imported by one process, and others bring Google's.
+# google/rpc is compiled under a name within this package: two packages with the same file under the same name cannot be
+# imported by one process, and other packages have Google's.
 RENAMED = (("google/rpc/", "planish/rpc/"), ("google.rpc", "planish.rpc"))
 MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/options.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
 SERVICE = "planish/v1/planish.proto"
@@ -123,15 +123,16 @@ def make_wheel(out: pathlib.Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", code, str(dist)], cwd=tree, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
-    if done.returncode != 0:  # setuptools says much where all is well
+    if done.returncode != 0:  # setuptools prints much even on success
         sys.exit(done.stdout)
     for leftover in ("build", "planish.egg-info"):
         shutil.rmtree(tree / leftover, ignore_errors=True)
 
 
-# The programs bring their C library. The tag tells pip that it is a Linux with glibc 2.17 or newer, which Python itself needs.
+# The programs include their C library. The tag tells pip that they need Linux with glibc 2.17 or newer, which Python
+# itself needs.
 TAG = f"py3-none-manylinux_2_17_{platform.machine()}"
-DATE = (2000, 1, 1, 0, 0, 0)  # a wheel of the same files is the same wheel
+DATE = (2000, 1, 1, 0, 0, 0)  # for reproducible wheels
 SCRIPT = '''#!python
 """Starts the program of this name that the package planish brings."""
 
@@ -145,7 +146,7 @@ spec = importlib.util.find_spec("planish")  # without importing it
 program = os.path.join(os.path.dirname(spec.origin), "_server", "bin", name) if spec and spec.origin else ""
 if not os.path.isfile(program):
     sys.exit(f"{name}: the package planish of {sys.executable} brings no {name}; install its wheel for Linux again")
-signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and what it ignores the program would ignore as well
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and the program would inherit that
 os.execv(program, [program, *sys.argv[1:]])
 '''
 

@@ -21,17 +21,18 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Stub = v1::Planish::Stub;
 
-// Of a Draco file, for EstimateJob: what declares its size.
+// The first bytes of a Draco file, which declare its size, for EstimateJob.
 constexpr std::size_t kEstimateBytes = 1024;
 
-// Of one BatchCreateJobs: jobs, and bytes of their meshes; a larger mesh travels by itself, by an upload that resumes.
+// Limits of one BatchCreateJobs: jobs, and bytes of their meshes. A larger mesh is sent on its own, by a resumable
+// upload.
 constexpr std::size_t kMostInBatch = 100;
 constexpr std::size_t kMostBatchBytes = std::size_t{1} << 20;
 
-// Of one WaitJob, which a proxy must not take for a dead connection.
+// Limit of one WaitJob, short enough that proxies do not take it for a dead connection.
 constexpr Seconds kLongestWait{15};
 
-// Everything but the mesh itself.
+// Fills in everything but the mesh.
 template <typename Request>
 Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
@@ -44,7 +45,7 @@ Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, cons
   return request;
 }
 
-// The UV of a job that ended, or why it has none.
+// The UV of an ended job, or the error that explains why it has none.
 UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh, Clock::time_point start) try {
   const v1::Job& job = followed.job;
   if (job.state() == v1::JOB_STATE_FAILED && job.has_error()) {
@@ -70,7 +71,7 @@ UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh, Clock::t
   throw error.set_job(followed.job.name());
 }
 
-// What `work` returns, or throws, with the call as part of one trace, which an error names.
+// Runs `work` as part of one trace, which its errors name. Returns its result or error.
 template <typename Work>
 Result<std::invoke_result_t<Work, CallOptions>> Traced(CallOptions call, const Work& work) {
   auto result = Caught([&] {
@@ -111,19 +112,19 @@ struct Client::Impl {
     return FromProto(rpc.Repeat(&Stub::EstimateJob, request));
   }
 
-  // One of the jobs of CreateMany() on its way.
+  // A job of CreateMany() that has not been accepted yet.
   struct Pending {
     PackedMesh mesh;
     const NewJob* job;
     Result<Job>* result;
-    bool is_known = false;  // the server has the mesh
+    bool is_known = false;  // whether the server has the mesh
   };
 
   std::vector<Result<Job>> CreateMany(std::span<const NewJob> jobs, const std::string& trace) {
     const Error unanswered(ErrorCode::kInternal, "INTERNAL", "the server did not answer to this job");
     std::vector<Result<Job>> results(jobs.size(), unanswered);
     for (std::size_t i = 0; i < jobs.size();) {
-      // So many meshes as fit into a call are in memory at a time.
+      // Only the meshes of one call are in memory at a time.
       std::vector<Pending> batch;
       for (std::size_t bytes = 0; i < jobs.size() && batch.size() < kMostInBatch && bytes < kMostBatchBytes; ++i) {
         Result<PackedMesh> mesh = Caught([&] { return PackedMesh::Of(jobs[i].mesh); });
@@ -162,7 +163,7 @@ struct Client::Impl {
       }
     }
     v1::BatchCreateJobsResponse response;
-    // The request ids make repeating safe.
+    // The request ids make retries safe.
     if (!together.empty()) response = rpc.Repeat(&Stub::BatchCreateJobs, request, trace);
     const std::size_t answers = std::min(together.size(), static_cast<std::size_t>(response.results_size()));
     for (std::size_t i = 0; i < answers; ++i) {
@@ -184,7 +185,7 @@ struct Client::Impl {
 };
 
 struct Call::State {
-  // What the thread knows as well, which may outlive the Call.
+  // Shared with the thread, which may outlive the Call.
   struct JobName {
     std::mutex mutex;
     std::string text;  // guarded by mutex
@@ -251,7 +252,7 @@ Result<Call> Client::StartUnwrap(std::nothrow_t, const MeshView& mesh, const Unw
   const Clock::time_point start = Clock::now();
   return Caught([&] {
     auto state = std::make_shared<Call::State>();
-    // A token of the caller's works as well as Call::Cancel().
+    // The caller's stop token works like Call::Cancel().
     auto callers_stop = std::make_shared<std::stop_callback<std::function<void()>>>(
         call.stop, [stop = state->stop]() mutable { stop.request_stop(); });
     call.stop = state->stop.get_token();
@@ -347,7 +348,7 @@ Result<std::vector<Job>> Client::ListJobs(std::nothrow_t, int limit, const std::
       request.set_page_size(std::min(left, kPageSize));
       const v1::ListJobsResponse response = impl_->rpc.Repeat(&Stub::ListJobs, request);
       for (const v1::Job& job : response.jobs()) jobs.push_back(FromProto(job));
-      // The next page is of the same server: a page token means nothing to others.
+      // The next page must come from the same server, since others do not know its page token.
       request.set_page_token(response.next_page_token());
     } while (!request.page_token().empty() && (limit <= 0 || static_cast<int>(jobs.size()) < limit));
     return jobs;
@@ -368,7 +369,7 @@ Result<void> Client::DeleteJob(std::nothrow_t, const std::string& job) {
     try {
       impl_->rpc.Repeat(&Stub::DeleteJob, Named<v1::DeleteJobRequest>(job), TraceOf(""), &attempts);
     } catch (const Error& error) {
-      // An attempt before this one got through, and only its answer was lost.
+      // An earlier attempt succeeded, and only its answer was lost.
       if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
     }
   });

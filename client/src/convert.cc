@@ -40,9 +40,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
 
-// The enums of options and reports number their values like the proto's, from SOMETHING_AUTO = 1 on (a test compares
-// the names). A value that only a newer server knows becomes one that ToString calls "unknown"; one that is not there
-// is `unspecified`.
+// The values of enums of options and reports are those of the proto, counted from SOMETHING_AUTO = 1 on (a test
+// compares the names). A value that only a newer server knows becomes one that ToString calls "unknown"; a missing
+// value becomes `unspecified`.
 template <typename Enum>
 Enum EnumFromProto(int value, Enum unspecified = Enum()) {
   return value == 0 ? unspecified : static_cast<Enum>(value - 1);

@@ -1,4 +1,4 @@
-// Other people's errors as planish::Error: the one place where they are translated.
+// Converts all other errors to planish::Error.
 #pragma once
 
 #include <string>
@@ -11,23 +11,23 @@
 
 namespace planish {
 
-// kInvalidArgument, of what the caller gave.
+// kInvalidArgument, for arguments of the caller.
 Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {});
 
-// `status` must not be OK. Reason and metadata come from an ErrorInfo in the details; without one the reason is the
+// `status` must not be OK. Reason and metadata come from an ErrorInfo in the details; without one, the reason is the
 // name of the code.
 Error ErrorFrom(const google::rpc::Status& status);
 
-// From core/base/error.h's statuses.
+// From the statuses of core/base/error.h.
 Error ErrorFrom(const absl::Status& status);
 
-// The same error in the caller's element ids.
+// The same error with the caller's element ids.
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering);
 
-// The exception that is being handled.
+// Converts the exception that is being handled.
 Error CurrentError();
 
-// What `work` returns, or throws: exceptions do not leave the library but through Result::value().
+// Runs `work` and catches its exceptions: they leave the library only through Result::value().
 template <typename Work>
 Result<std::invoke_result_t<Work>> Caught(const Work& work) {
   try {

@@ -12,11 +12,11 @@ namespace {
 
 using Stub = v1::Planish::Stub;
 
-// Times that a job is submitted anew after it was lost together with its stream, and an upload begun anew.
+// How often a job is submitted again after it was lost with its stream, and how often an upload is restarted.
 constexpr int kMostLostJobs = 3;
 constexpr int kMostLostUploads = 5;
 
-// Meshes up to this size travel inline without asking what the server advises.
+// Meshes up to this size are sent inline without asking for the server's advice.
 constexpr std::int64_t kAlwaysInlineBytes = std::int64_t{1} << 20;
 constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
 
@@ -89,13 +89,13 @@ void Follower::Run(const Step& step) {
   }
 }
 
-// Waits, so that another step makes sense after `error`, or throws it.
+// Waits until another step may succeed after `error`, or throws it.
 void Follower::Recover(const Error& error) {
   if (call_.stop.stop_requested() && StopEndsCall()) ThrowCancelled();
   if (job_name_.empty() && !upload_.name().empty()) {
     const bool is_gone = IsUploadGone(error);
     if (is_gone && ++lost_uploads_ > kMostLostUploads) throw error;
-    // Once, bytes may turn on the way. Twice is no accident.
+    // Bytes may be damaged in transit once. Twice is no accident.
     const bool is_damaged = error.reason() == "DIGEST_MISMATCH" && !std::exchange(damaged_upload_, true);
     if (is_gone || is_damaged) {
       upload_.Clear();
@@ -105,9 +105,9 @@ void Follower::Recover(const Error& error) {
     if (is_damaged) return;
   }
   if (error.code() == ErrorCode::kNotFound && unwrap_ != nullptr && !job_name_.empty() && lost_stream_) {
-    return StartAnew();  // the server that had the job, or its UV, has them no more
+    return StartAnew();  // the server has lost the job or its UV
   }
-  // A server that takes no new jobs is not coming back soon.
+  // A draining server will not accept jobs again soon.
   if (error.reason() == "DRAINING" && !first_event_ && !lost_stream_) throw error;
   if (in_stream_ && error.code() != ErrorCode::kResourceExhausted) lost_stream_ = true;
   const Seconds pause = retry_.PauseAfter(error, rpc_.reached());
@@ -126,7 +126,7 @@ void Follower::Tell(const Callback& callback, const Values&... values) {
   in_callback_ = false;
 }
 
-// ---- the way of the mesh
+// ---- sending the mesh
 
 void Follower::Send(v1::JobSpec& spec) {
   if (GoesInline()) {
@@ -159,7 +159,7 @@ bool Follower::IsUploaded() const {
   return !upload_.name().empty() && upload_.committed_bytes() == SizeOf(mesh_->draco);
 }
 
-// Begins an upload, or goes on where it broke.
+// Begins an upload, or resumes it where it broke.
 void Follower::Upload() {
   if (call_.stop.stop_requested()) ThrowCancelled();
   const Deadline soon = DeadlineAfter(kUnaryLimit);
@@ -190,10 +190,10 @@ void Follower::WriteRest() {
       const std::int64_t size = std::min(chunk_bytes_, total - offset);
       message.set_offset(offset);
       message.set_data(mesh_->draco.data() + offset, static_cast<std::size_t>(size));
-      if (!writer->Write(message)) break;  // Finish() says why
+      if (!writer->Write(message)) break;  // Finish() returns the error
       message.clear_name();
       offset += size;
-      // What the server really has may be a few messages less; it is what counts when the stream breaks.
+      // The server may have slightly less; its own count matters when the stream breaks.
       Tell(callbacks_.on_upload, offset, total);
     }
   } catch (...) {
@@ -215,7 +215,7 @@ void Follower::OnCommitted() {
   Tell(callbacks_.on_upload, best_committed_, SizeOf(mesh_->draco));
 }
 
-// ---- the way of the job
+// ---- following the job
 
 bool Follower::FollowOnce() {
   in_stream_ = false;
@@ -238,9 +238,9 @@ bool Follower::FollowOnce() {
   }
   if (!IsComplete()) throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the stream ended before the job did");
   const v1::Job& job = followed_.job;
-  // The server noticed the loss of the stream and cancelled the job it belonged to.
+  // The server cancelled the job because it noticed the loss of the stream.
   const bool was_dropped = job.state() == v1::JOB_STATE_CANCELLED && lost_stream_ && !call_.stop.stop_requested();
-  // The server's store has lost the mesh. It is here.
+  // The server's store lost the mesh, so it is sent again.
   const bool lacks_mesh = job.state() == v1::JOB_STATE_FAILED && lost_jobs_ < kMostLostJobs &&
                           ErrorFrom(job.error()).reason() == "MESH_LOST";
   if (unwrap_ == nullptr || (!was_dropped && !lacks_mesh)) return true;
@@ -268,7 +268,7 @@ void Follower::ReadAll(std::unique_ptr<grpc::ClientReader<Response>> reader, grp
 }
 
 void Follower::TakeEvent(const v1::JobEvent& proto) {
-  if (proto.sequence() <= last_sequence_) return;  // overlap after re-attaching
+  if (proto.sequence() <= last_sequence_) return;  // already received before re-attaching
   Event event = FromProto(proto, mesh_ != nullptr ? mesh_->ToCaller() : ids::Renumbering());
   event.skipped = proto.sequence() - last_sequence_ - 1;
   last_sequence_ = proto.sequence();
@@ -280,7 +280,7 @@ void Follower::TakeEvent(const v1::JobEvent& proto) {
       const std::lock_guard lock(mutex_);
       job_name_ = proto.job().name();
     }
-    Ask();  // what came before there was a job to ask it of
+    Ask();  // repeats a request made before the job existed
     if (on_job_name_) on_job_name_(job_name_);
   }
   Tell(callbacks_.on_event, event);
@@ -309,7 +309,7 @@ void Follower::StartAnew() {
   followed_ = Followed();
   last_sequence_ = 0;
   lost_stream_ = false;
-  // The old id stands for the job that is gone.
+  // The old request id belongs to the lost job.
   unwrap_->set_request_id(NewUuid());
   if (++lost_jobs_ > kMostLostJobs) {
     throw Error(ErrorCode::kUnavailable, "CONNECTION_LOST",
@@ -324,7 +324,7 @@ std::shared_ptr<grpc::ClientContext> Follower::NewContext(bool may_be_cut_off) {
   const std::lock_guard lock(mutex_);
   if (stopped_ && StopEndsCall()) ThrowCancelled();
   context_ = may_be_cut_off ? context : nullptr;
-  asked_cancel_ = asked_finish_ = false;  // what was asked may have been lost with the connection
+  asked_cancel_ = asked_finish_ = false;  // a request may have been lost with the connection
   return context;
 }
 
@@ -333,13 +333,13 @@ void Follower::OnStop() {
     const std::lock_guard lock(mutex_);
     stopped_ = true;
     stopped_changed_.notify_all();
-    // Not accepted yet: the server drops the call, or the job that belongs to it.
+    // Not accepted yet: the server drops the call, or the attached job.
     if (StopEndsCall() && context_) context_->TryCancel();
   }
   Ask();
 }
 
-// Asks the server to cancel the job, or to bring what it has, if somebody wants that and there is a job.
+// Asks the server to cancel or stop the job, if requested and if the job exists.
 void Follower::Ask() {
   const std::lock_guard lock(mutex_);
   if (StopEndsCall()) return;

@@ -1,5 +1,5 @@
-// One call about a job: sends its mesh, has the job created, and follows it to the last UV byte, over as many
-// connections as that takes.
+// One call about a job: sends its mesh, has the job created, and follows it to the last UV byte, reconnecting as
+// needed.
 #pragma once
 
 #include <chrono>
@@ -24,33 +24,34 @@ struct Followed {
   Seconds download_time{0};  // from the last event to the last byte
 };
 
-// Makes one of Unwrap(), Watch() and Create(), once. They throw planish::Error, with the name of the job where there is
-// one, and whatever a callback throws.
+// Call one of Unwrap(), Watch() and Create(), once. They throw planish::Error, with the name of the job if there is
+// one, and exceptions of callbacks.
 class Follower {
  public:
-  // `call.traceparent` must be valid. `mesh` is what is sent, what the UV must belong to and whose numbering errors are
-  // told in; it may be null for Watch(). It must outlive the follower, which takes the Draco bytes out if they travel
-  // inside the request; so must `rpc` and `callbacks`. `finish`: a request to stop the job and bring what it has.
+  // `call.traceparent` must be valid. `mesh` is the mesh to send, to check the UV against, and whose numbering is used
+  // in errors; it may be null for Watch(). If the Draco bytes are sent within the request, they are moved out of it.
+  // `mesh`, `rpc` and `callbacks` must outlive the follower. `finish`: a request to stop the job and return its best
+  // map.
   Follower(Rpc& rpc, const CallOptions& call, const Callbacks& callbacks, PackedMesh* mesh, std::stop_token finish = {},
            std::function<void(const std::string&)> on_job_name = {});
 
-  // Return when the job ended, whatever its end, and its UV are here if it succeeded and `mesh` is given.
+  // Return when the job has ended, in any state; with its UV if it succeeded and `mesh` is given.
   Followed Unwrap(v1::UnwrapRequest request);
   Followed Watch(const std::string& job, std::int64_t after_sequence);
-  // Returns when the server has the job.
+  // Returns once the server has accepted the job.
   v1::Job Create(v1::CreateJobRequest request);
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  // Takes steps until one returns true. Errors of the network and the server that pass are waited for.
+  // Repeats `step` until it returns true. Waits after temporary errors of network and server.
   template <typename Step>
   void Run(const Step& step);
   void Recover(const Error& error);
   template <typename Callback, typename... Values>
   void Tell(const Callback& callback, const Values&... values);
 
-  // Puts the mesh into `spec`, or the name of a complete upload of it.
+  // Puts the mesh, or the name of a complete upload of it, into `spec`.
   void Send(v1::JobSpec& spec);
   bool GoesInline();
   bool IsUploaded() const;
@@ -59,7 +60,7 @@ class Follower {
   void OnCommitted();
 
   Followed Follow();
-  // A stream, from where the one before broke; true at the end of the job and its UV.
+  // One stream, resumed where the last one broke; returns true at the end of the job and its UV.
   bool FollowOnce();
   template <typename Response>
   void ReadAll(std::unique_ptr<grpc::ClientReader<Response>> reader, grpc::ClientContext& context);
@@ -68,11 +69,11 @@ class Follower {
   bool IsComplete() const;
   void StartAnew();
 
-  // The context of the next stream. Throws CANCELLED after a stop if there is no job that must be cancelled.
+  // The context of the next stream. Throws CANCELLED after a stop if no job must be cancelled.
   std::shared_ptr<grpc::ClientContext> NewContext(bool may_be_cut_off = true);
   void OnStop();
   void Ask();
-  // Whether a stop ends this call and nothing else.
+  // Whether a stop request only ends this call.
   bool StopEndsCall() const { return unwrap_ == nullptr || job_name_.empty(); }
   [[noreturn]] void ThrowCancelled() const;
 
@@ -85,7 +86,7 @@ class Follower {
   const Deadline deadline_ = DeadlineAfter(call_.timeout);
   v1::UnwrapRequest* unwrap_ = nullptr;  // of Unwrap()
   Retry retry_;
-  bool in_callback_ = false;  // an exception that comes now is the caller's
+  bool in_callback_ = false;  // an exception thrown now is the caller's
 
   std::optional<bool> inline_;
   std::int64_t chunk_bytes_ = 0;
@@ -100,14 +101,14 @@ class Follower {
   Followed followed_;
   std::int64_t last_sequence_ = 0;
   bool in_stream_ = false;
-  bool lost_stream_ = false;  // of the present job
+  bool lost_stream_ = false;  // of the current job
   int lost_jobs_ = 0;
 
-  // Guarded by mutex_: what a stop from another thread touches. Only the thread of Run() changes job_name_.
+  // Guarded by mutex_: state that a stop from another thread reads. Only the thread of Run() changes job_name_.
   std::mutex mutex_;
   std::condition_variable stopped_changed_;
-  bool stopped_ = false;                              // what the caller wants of the job, beside finish_
-  bool asked_cancel_ = false, asked_finish_ = false;  // and what the server was told
+  bool stopped_ = false;                              // whether the caller wants to cancel; to stop: finish_
+  bool asked_cancel_ = false, asked_finish_ = false;  // what the server was asked
   std::string job_name_;
   std::shared_ptr<grpc::ClientContext> context_;
 };

@@ -16,8 +16,8 @@ namespace {
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
 
-// A corner that faces each of the edges, which `triangles` (three ids each) must have. `polygon`: of each triangle, or
-// empty. An edge between two triangles of one polygon is a diagonal, which is no seam.
+// For each edge, a corner that faces it; every edge must be in `triangles` (three ids each). `polygon`: per triangle,
+// or empty. An edge between two triangles of one polygon is a diagonal, which cannot be a seam.
 std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pairs,
                                         std::span<const std::uint32_t> triangles,
                                         std::span<const std::int32_t> polygon) {
@@ -36,11 +36,11 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   }
   std::vector<std::int32_t> corners;
   for (std::size_t i = 0; i < seams.size(); ++i) {
-    const auto is_own = [&](std::int32_t c) {  // of an edge of its polygon
-      return polygon.empty() || std::count_if(facing[i].begin(), facing[i].end(), [&](std::int32_t d) {
-                                  return polygon[static_cast<std::size_t>(d / 3)] ==
-                                         polygon[static_cast<std::size_t>(c / 3)];
-                                }) == 1;
+    const auto is_own = [&](std::int32_t c) {  // whether the edge is one of its polygon
+      return polygon.empty() ||
+             std::count_if(facing[i].begin(), facing[i].end(), [&](std::int32_t d) {
+               return polygon[static_cast<std::size_t>(d / 3)] == polygon[static_cast<std::size_t>(c / 3)];
+             }) == 1;
     };
     const auto own = std::find_if(facing[i].begin(), facing[i].end(), is_own);
     if (own == facing[i].end()) {
@@ -54,7 +54,7 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   return corners;
 }
 
-// `corners`, all of them among 3 `triangles`.
+// Checks that all of `corners` are corners of `triangles` triangles.
 void CheckCorners(const std::string& field, std::span<const std::int32_t> corners, std::int64_t triangles) {
   for (const std::int32_t corner : corners) {
     if (corner >= 0 && corner < 3 * triangles) continue;
@@ -64,7 +64,7 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
   }
 }
 
-// Numbers of 4 bytes as planish.v1.MeshElements has them.
+// Appends numbers of 4 bytes, in the format of planish.v1.MeshElements.
 template <typename Number>
 void Append(std::span<const Number> numbers, std::string* bytes) {
   static_assert(sizeof(Number) == 4);
@@ -150,9 +150,8 @@ PackedMesh PackedMesh::Of(const MeshView& view) {
   }
   CheckCorners("seam_corners", view.seam_corners_, view.triangle_count());
   CheckCorners("uncut_corners", view.uncut_corners_, view.triangle_count());
-  // Needed to find the corners below.
-  AppendOfTriangles("face_polygon", view.face_polygon_, view.triangle_count(),
-                    packed.elements.mutable_face_polygon());
+  // The seams below need the polygons.
+  AppendOfTriangles("face_polygon", view.face_polygon_, view.triangle_count(), packed.elements.mutable_face_polygon());
   v1::MeshElements& elements = packed.elements;
   const std::vector<std::int32_t> facing = CornersFacing(view.seam_vertices_, view.indices_, view.face_polygon_);
   Append(std::span<const std::int32_t>(facing), elements.mutable_seam_corners());

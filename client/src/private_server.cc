@@ -32,9 +32,9 @@ namespace planish {
 namespace fs = std::filesystem;
 namespace {
 
-// They configure the planishd of this machine, if there is one, and not the private ones that we start.
+// Variables that configure this machine's planishd. They are not passed to private servers.
 constexpr std::string_view kServiceVariables = "PLANISHD_";
-// The server drains without grace when we let go; a planishd that hangs is not waited for much longer than that.
+// The server drains without grace when it is stopped; one that hangs is killed after this time.
 constexpr std::chrono::seconds kStopLimit{5};
 constexpr int kSupervisorFd = 3;
 
@@ -42,7 +42,7 @@ Error Failed(const std::string& message) {
   return Error(ErrorCode::kUnavailable, "PRIVATE_SERVER_FAILED", message);
 }
 
-// Waits for the end of a child and reaps it; false if it still runs then.
+// Waits for a child to end and reaps it; false if it still runs after `limit`.
 bool ReapWithin(pid_t pid, std::chrono::milliseconds limit, int* wait_status = nullptr) {
   const auto end = std::chrono::steady_clock::now() + limit;
   int status = 0;
@@ -54,7 +54,7 @@ bool ReapWithin(pid_t pid, std::chrono::milliseconds limit, int* wait_status = n
   return true;
 }
 
-// A directory only this user can enter, at a path short enough for a socket's name (108 bytes).
+// A directory that only this user can enter, with a path short enough for a socket's name (108 bytes).
 std::string NewPrivateDirectory() {
   const char* const bases[] = {std::getenv("XDG_RUNTIME_DIR"), std::getenv("TMPDIR"), "/tmp"};
   for (const char* base : bases) {
@@ -92,7 +92,7 @@ struct PrivateServer::State {
   std::string executable;
   std::string directory;
   std::string target;
-  Descriptor supervisor;  // end of file here tells planishd that we are gone
+  Descriptor supervisor;  // its end of file tells planishd that this process is gone
   pid_t pid = -1;
 
   ~State() {

@@ -10,17 +10,17 @@ namespace {
 constexpr Seconds kLongestPause{5};
 constexpr Seconds kLeastPauseForRoom{0.05};
 
-// Whether the server is full and says when to come back.
+// Whether the server is full and says when to retry.
 bool AsksToWait(const Error& error) {
   return error.code() == ErrorCode::kResourceExhausted &&
          (error.retry_after() > Seconds(0) || error.reason() == "QUEUE_FULL");
 }
 
-// Whether the same call may succeed a moment later.
+// Whether the same call may succeed soon.
 bool IsLoss(const Error& error) {
   if (error.code() == ErrorCode::kUnavailable || IsUploadGone(error)) return true;
   if (error.reason() == "UPLOAD_BUSY" || error.reason() == "UPLOAD_OFFSET_MISMATCH") return true;
-  // Resets and broken frames come from the transport; what the server says itself brings its own reason.
+  // Resets and broken frames come from the transport; errors of the server have their own reason.
   const bool from_transport = error.reason() == ToString(error.code());
   return from_transport && (error.code() == ErrorCode::kInternal || error.code() == ErrorCode::kUnknown);
 }
@@ -47,11 +47,11 @@ void Retry::Reset() {
 
 Seconds Retry::PauseAfter(const Error& error, bool reached) {
   const bool is_full = AsksToWait(error);
-  // A server that was never there is not coming back soon: say so at once.
+  // A server that was never reached will hardly appear soon, so fail at once.
   if (!is_full && (!reached || !IsLoss(error))) throw error;
   Seconds pause = kLeastPauseForRoom;
   if (!is_full) {
-    // Clients that lost the same server at the same moment come back at different ones.
+    // Jitter, so that clients that lost the same server do not all reconnect at the same time.
     pause = std::min(kLongestPause, limits_.first_pause * std::ldexp(1, std::min(losses_++, 30))) *
             std::uniform_real_distribution(0.5, 1.0)(random_);
   }

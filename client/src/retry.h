@@ -1,4 +1,4 @@
-// When a call is made again after an error: the one place where that is decided.
+// Decides when a call is retried after an error.
 #pragma once
 
 #include <chrono>
@@ -10,31 +10,32 @@
 
 namespace planish {
 
-// When a call must be over; nothing: never.
+// When a call must have ended; empty: no limit.
 using Deadline = std::optional<std::chrono::system_clock::time_point>;
 Deadline DeadlineAfter(Seconds timeout);  // 0: never
 
-// Whether `error` says that the upload of a mesh is gone: it must begin again.
+// Whether `error` means that the upload of a mesh is gone, so that it must be restarted.
 bool IsUploadGone(const Error& error);
 
-// The attempts of one call. An error passes if it comes from the network, from a server that goes down, or from one
-// that is full and says when to come back.
+// The attempts of one call. Temporary errors are those of the network, of a server that shuts down, and of a server
+// that is full and says when to retry.
 class Retry {
  public:
   struct Limits {
-    Seconds lost{0};         // how long a server that was lost is waited for
-    Seconds full{0};         // and room on one that is full
-    Seconds first_pause{0};  // after a loss; doubles, up to 5 s, a little at random
+    Seconds lost{0};         // how long to wait for a lost server
+    Seconds full{0};         // how long to wait for room on a full one
+    Seconds first_pause{0};  // after a loss; doubles up to 5 s, with jitter
     Deadline deadline;       // of the whole call
   };
 
   Retry(std::string target, const Limits& limits);
 
-  // Something came through: limits count from the next error on.
+  // After progress: limits count from the next error on.
   void Reset();
 
-  // How long to wait after `error` before the next attempt. Throws `error` if it will not pass, or the server was never
-  // `reached`; CONNECTION_LOST or, where the server is full, `error` when the limit is over, and DEADLINE_EXCEEDED.
+  // How long to wait after `error` before the next attempt. Throws `error` if it is not temporary, or the server was
+  // never `reached`. When the limit has passed, throws CONNECTION_LOST or, if the server is full, `error`; after the
+  // deadline, DEADLINE_EXCEEDED.
   Seconds PauseAfter(const Error& error, bool reached);
 
  private:

@@ -25,7 +25,7 @@ std::string ReadPem(const std::string& what, const std::string& path) {
   return pem;
 }
 
-// How to connect, with what the files hold.
+// Connection settings, with the contents of the files.
 TlsProbe TlsOf(const std::string& target, const ClientOptions& options) {
   if (options.tls_cert_file.empty() != options.tls_key_file.empty()) {
     throw Invalid("OPTIONS_INVALID", "a client certificate takes two files: the certificate and its key");
@@ -37,7 +37,7 @@ TlsProbe TlsOf(const std::string& target, const ClientOptions& options) {
           ReadPem("the client's key", options.tls_key_file), options.tls_server_name};
 }
 
-// A header's value: printable ASCII.
+// A token must be a valid header value: printable ASCII.
 void CheckToken(const std::string& token) {
   for (const char c : token) {
     if (c <= ' ' || c > '~')
@@ -80,17 +80,17 @@ std::shared_ptr<grpc::Channel> Rpc::NewChannel() const {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   arguments.SetMaxSendMessageSize(-1);
-  // gRPC's own pace (20 s an attempt, 1 s and more between them) is for servers that talk to servers.
+  // gRPC's defaults (20 s an attempt, 1 s and more between attempts) suit servers that talk to servers.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options_.connect_timeout.count()));
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  // A peer that vanished without a word is noticed within half a minute.
+  // Notices a silently vanished peer within half a minute.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  // Clients to different servers, or to one server started anew, must not share connections and their back-off.
+  // Clients of different servers, or of a restarted one, must not share connections and their back-off.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetUserAgentPrefix(std::string("planish/") + Version());
-  // What stays on this machine must not go through a proxy on another.
+  // Connections within this machine must not use a proxy.
   if (IsWithinThisMachine(target_)) arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   if (!tls_.uses_tls) return grpc::CreateCustomChannel(target_, grpc::InsecureChannelCredentials(), arguments);
   if (!options_.tls_server_name.empty()) arguments.SetSslTargetNameOverride(options_.tls_server_name);
@@ -108,7 +108,7 @@ std::string Rpc::Token() const {
 Error Rpc::WhyUnreachable(const std::string& message) const {
   const std::string reason = "cannot reach the planish server at " + target_ + ": ";
   const Error unreachable(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", reason + ConnectionCause(message));
-  // A name that is not known would only be asked for once more.
+  // Probing an unknown host name would only repeat the failed lookup.
   if (message.find("DNS resolution failed") != std::string::npos) return unreachable;
   const std::string fault = FindTlsFault(target_, tls_);
   return fault.empty() ? unreachable : Error(ErrorCode::kUnavailable, "TLS_FAILED", reason + fault);

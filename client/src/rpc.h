@@ -20,13 +20,13 @@
 
 namespace planish {
 
-// The W3C trace that calls belong to: `traceparent` or, if it is empty, the environment's TRACEPARENT where that is
-// valid, or else a new one. Throws INVALID_ARGUMENT with TRACEPARENT_INVALID.
+// The W3C trace of calls: `traceparent` or, if it is empty, the environment's TRACEPARENT if valid, or else a new one.
+// Throws INVALID_ARGUMENT with TRACEPARENT_INVALID.
 std::string TraceOf(const std::string& traceparent);
 
-// Answers that carry no mesh must not take longer than this, connection included.
+// Time limit of calls that transfer no mesh, including the connection.
 inline constexpr Seconds kUnaryLimit{20};
-// A call in the background keeps its Rpc alive for so long at most.
+// Time limit of background calls, which keep their Rpc alive.
 inline constexpr Seconds kBackgroundLimit{5};
 
 template <typename Request>
@@ -42,27 +42,27 @@ class Rpc {
   template <typename Stub, typename Request, typename Response>
   using Method = grpc::Status (Stub::*)(grpc::ClientContext*, const Request&, Response*);
 
-  // Throws as Client::Client does.
+  // Throws the same errors as Client::Client.
   Rpc(const std::string& target, const ClientOptions& options);
 
   const std::string& target() const { return target_; }
   const ClientOptions& options() const { return options_; }
-  // Whether there was a connection, ever.
+  // Whether there ever was a connection.
   bool reached() const { return reached_; }
 
-  // Waits for a connection until it fails, or connect_timeout or `deadline` pass. The next call says why it failed; a
-  // peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
+  // Waits for a connection until it fails, or connect_timeout or `deadline` pass. The next call reports why it failed;
+  // a silent peer throws SERVER_UNREACHABLE or TLS_FAILED.
   void Connect(Deadline deadline);
 
-  // For one call: its deadline, a span of the trace (TraceOf()), and the token. Throws OPTIONS_INVALID if the token's
-  // file cannot be read.
+  // The context of one call: its deadline, a span of the trace (TraceOf()), and the token. Throws OPTIONS_INVALID if
+  // the token's file cannot be read.
   std::unique_ptr<grpc::ClientContext> NewContext(Deadline deadline, const std::string& trace) const;
   template <typename Stub = v1::Planish::Stub>
   Stub& stub() {
     return *std::get<std::unique_ptr<Stub>>(stubs_);
   }
-  // What a status that is not OK says. Without a connection it tries TLS by itself to find out why, which may take a
-  // few seconds if the server is slow.
+  // The error of a status that is not OK. Without a connection it tries TLS on its own to find out why, which may take
+  // a few seconds if the server is slow.
   Error ErrorOf(const grpc::Status& status) const;
 
   // One unary call.
@@ -77,7 +77,7 @@ class Rpc {
     return response;
   }
 
-  // The same for calls that may be repeated, for retry_timeout. `attempts`, if given, counts them.
+  // The same with retries, for retry_timeout. `attempts`, if given, is incremented for each attempt.
   template <typename Stub, typename Request, typename Response>
   Response Repeat(Method<Stub, Request, Response> method, const Request& request,
                   const std::string& trace = TraceOf(""), int* attempts = nullptr) {
@@ -93,16 +93,16 @@ class Rpc {
     }
   }
 
-  // Returns at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
-  // waits for calls that are still out, kBackgroundLimit at most.
+  // Returns at once. The response is ignored: callers that stop or cancel a job watch its stream. The destructor waits
+  // for running calls, at most kBackgroundLimit.
   template <typename Request>
   void InBackground(Method<v1::Planish::Stub, Request, v1::Job> method, const std::string& job,
                     const std::string& trace) {
-    // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
-    // would have to wait for themselves.
+    // Not by gRPC's callbacks: the last reference to the channel must not be dropped on one of the channel's own
+    // threads, which would wait for itself.
     const std::lock_guard lock(background_mutex_);
     background_.emplace_back([this, method, request = Named<Request>(job), trace] {
-      // Whether it got through shows in the job's own stream, so nobody is told why it did not.
+      // Failures are ignored: the job's stream shows whether the call had an effect.
       (void)Caught([&] {
         v1::Job ignored;
         (stub().*method)(NewContext(DeadlineAfter(kBackgroundLimit), trace).get(), request, &ignored);
@@ -113,17 +113,17 @@ class Rpc {
  private:
   std::shared_ptr<grpc::Channel> NewChannel() const;
   std::string Token() const;
-  // SERVER_UNREACHABLE or TLS_FAILED, with `message`, gRPC's own words.
+  // SERVER_UNREACHABLE or TLS_FAILED, with gRPC's `message`.
   Error WhyUnreachable(const std::string& message) const;
 
   const std::string target_;
   const ClientOptions options_;
-  const TlsProbe tls_;  // with what the files held
+  const TlsProbe tls_;  // with the contents of the files
   const std::shared_ptr<grpc::Channel> channel_;
   const std::tuple<std::unique_ptr<v1::Planish::Stub>, std::unique_ptr<admin::v1::Admin::Stub>> stubs_;
   std::atomic<bool> reached_ = false;
   std::mutex background_mutex_;
-  std::vector<std::jthread> background_;  // guarded by background_mutex_; joined before what they use goes
+  std::vector<std::jthread> background_;  // guarded by background_mutex_; joined by the destructor
 };
 
 }  // namespace planish

@@ -15,11 +15,11 @@
 namespace planish {
 namespace {
 
-// For each step: the handshake, connecting included, and what the server says then.
+// Time limit of each step: the handshake, including the connection, and the server's reaction.
 constexpr int kStepSeconds = 2;
 constexpr int kNapMilliseconds = 5;
 
-// What is wrong with the client's own files; empty if nothing.
+// Errors in the client's own files; empty if there are none.
 std::string Present(SSL_CTX* context, const TlsProbe& probe) {
   if (probe.certificate.empty()) return "";
   const std::vector<CertificatePtr> chain = CertificatesIn(probe.certificate);
@@ -41,7 +41,7 @@ void ExpectName(SSL* ssl, const std::string& name) {
   SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, const_cast<char*>(name.c_str()));
 }
 
-// The last error of a handshake or of a read after it.
+// Explains the last error of a handshake or of a read after it.
 std::string Explain(SSL* ssl, const std::string& name, bool asked) {
   const unsigned long error = ERR_peek_error();
   const int reason = ERR_GET_LIB(error) == ERR_LIB_SSL ? ERR_GET_REASON(error) : 0;
@@ -57,7 +57,7 @@ std::string Explain(SSL* ssl, const std::string& name, bool asked) {
     if (verdict == X509_V_ERR_CERT_HAS_EXPIRED) return "the server's certificate has expired";
     return "the server's certificate cannot be trusted (" + text + ")";
   }
-  // What else goes wrong where a client certificate is wanted is about that certificate. A server of gRPC closes the
+  // If the server asked for a client certificate, other errors are about that certificate. A gRPC server closes the
   // connection without an alert.
   if (!asked) return "";
   const X509* certificate = SSL_get_certificate(ssl);
@@ -83,7 +83,7 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
     X509_STORE_add_cert(SSL_CTX_get_cert_store(context.get()), root.get());
   }
   if (std::string fault = Present(context.get(), probe); !fault.empty()) return fault;
-  bool asked = false;  // for a client certificate
+  bool asked = false;  // whether the server asked for a client certificate
   const auto on_asked = [](SSL*, void* flag) { return static_cast<int>(*static_cast<bool*>(flag) = true); };
   SSL_CTX_set_cert_cb(context.get(), on_asked, &asked);
   const unsigned char http2[] = {2, 'h', '2'};
@@ -98,13 +98,13 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   ERR_clear_error();
   int result = BIO_do_connect_retry(link.get(), kStepSeconds, kNapMilliseconds);
   if (!probe.uses_tls) {
-    // An alert is an answer in TLS as well: the server may ask for a client certificate, say.
+    // An alert also shows that the server speaks TLS; it may want a client certificate.
     const unsigned long error = ERR_peek_error();
     const bool is_alert = ERR_GET_LIB(error) == ERR_LIB_SSL && ERR_GET_REASON(error) >= SSL_AD_REASON_OFFSET;
     return result == 1 || is_alert ? "the server there speaks TLS only" : "";
   }
-  // With TLS 1.3 a server judges the client's certificate after the client is done; it says so instead of its first
-  // HTTP/2 frame.
+  // With TLS 1.3 a server checks the client's certificate after the client has finished the handshake. It then sends an
+  // alert instead of its first HTTP/2 frame.
   if (result == 1) {
     const std::time_t end = std::time(nullptr) + kStepSeconds;
     char byte = 0;

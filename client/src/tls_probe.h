@@ -1,4 +1,4 @@
-// Why TLS to a target fails, in words: gRPC only says that a handshake failed, or that a connection was closed.
+// Explains why TLS to a target fails: gRPC only says that a handshake failed, or that a connection was closed.
 #pragma once
 
 #include <string>
@@ -14,9 +14,9 @@ struct TlsProbe {
   std::string server_name;
 };
 
-// Connects to `target` for a moment, sends nothing but a handshake, and says what is wrong with it: the server's
-// certificate (signed by nobody known, for another name, expired), the client's (missing, refused), or that only one
-// side speaks TLS. Empty if nothing is, nobody listens, or it takes more than a few seconds.
+// Connects to `target`, makes a handshake, and says what is wrong: the server's certificate (unknown authority, other
+// name, expired), the client's (missing, refused), or that only one side uses TLS. Empty if nothing is wrong, nobody
+// listens, or it takes more than a few seconds.
 std::string FindTlsFault(const std::string& target, const TlsProbe& probe);
 
 }  // namespace planish

@@ -30,7 +30,7 @@ ActiveSet::ActiveSet(const Topology& topology, const TargetAngles& target)
     const std::int32_t at = position_[topology.faces[c / 3][c % 3]];
     if (at >= 0) compliance_[at] += 1 / (2 * target.weight[c]);
     if (topology.opposite[c] < 0) continue;
-    // Each inner edge is seen from both of its ends, and has a stretch of the boundary on either side.
+    // Each inner edge is visited from both of its ends, and has a stretch of the boundary on either side.
     const std::int32_t from = position_[Origin(topology.faces, c)], to = position_[Target(topology.faces, c)];
     if (from >= 0 && to >= 0) stretches_.push_back({from, to > from ? to : to + num_vertices()});
   }
@@ -90,7 +90,7 @@ void ActiveSet::ReleaseForPolygon(const Eigen::VectorXd& pressures) {
   for (std::int32_t b = 0; b < n; ++b) {
     if (!active_[b]) inactive.insert(b);
   }
-  // That of least pressure among the active ones of [first, end), counted round and round.
+  // Deactivates the active position of least pressure in [first, end), modulo the number of vertices.
   const auto release_one = [&](std::int32_t first, std::int32_t end) {
     std::int32_t least = -1;
     for (std::int32_t i = first; i < end; ++i) {
@@ -101,7 +101,7 @@ void ActiveSet::ReleaseForPolygon(const Eigen::VectorXd& pressures) {
     inactive.insert(least);
   };
   for (const Stretch& stretch : stretches_) {
-    // The first inactive position after stretch.first, counted round and round.
+    // The first inactive position after stretch.first, modulo the number of vertices.
     const auto next = inactive.upper_bound(stretch.first);
     const std::int32_t found =
         next != inactive.end() ? *next : (inactive.empty() ? stretch.last : *inactive.begin() + n);
@@ -153,7 +153,7 @@ class ActiveSetMethod {
     bool flat = flat_;
     if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
       iterate_ = {StartingAngles(target_), Multipliers::Zero(set_.ConstrainedTopology())};
-      // Where angles run into 0: under a strong barrier first, then under weaker ones, then without.
+      // Angles collapse: solve under a strong barrier first, then under weaker ones, then without.
       std::vector<double> barriers = BarrierSequence(options_.tuning.newton.barrier);
       barriers.push_back(0);
       for (const double tau : barriers) {
@@ -171,7 +171,7 @@ class ActiveSetMethod {
       }
     }
     if (result.summary.stopped && !flat) {
-      // Nearer at hand is a map with whatever outline.
+      // After a stop, a map with any outline is nearer.
       Newton newton(topology_, target_, options_, control_);
       PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run());
       ++solves_;
@@ -205,7 +205,7 @@ class ActiveSetMethod {
       usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
       const bool done = same_set && tolerance <= options_.tolerance && summary_.converged;
       if (control_.IsStopRequested() && !done && !summary_.stopped) {
-        // Good enough to stop at (FlattenControl::flat_enough), whatever is left to do for the outline.
+        // Good enough to stop (FlattenControl::flat_enough), even if the outline is not convex yet.
         summary_.stopped = true;
         summary_.converged = false;
         summary_.stop_message = absl::StrCat("stopped; ", summary_.stop_message);
@@ -229,7 +229,7 @@ class ActiveSetMethod {
     return absl::OkStatus();
   }
 
-  // Newton's method for the present set, from where the last one ended.
+  // Newton's method for the current set, from the last iterate.
   absl::Status Solve(double tolerance) {
     const FlattenSummary before = summary_;
     const Topology constrained = set_.ConstrainedTopology();
@@ -250,13 +250,13 @@ class ActiveSetMethod {
     return absl::OkStatus();
   }
 
-  // The same for a set that has been solved for to a rougher tolerance.
+  // Solves again, for a set that has been solved for to a rougher tolerance.
   absl::Status Polish(double tolerance) {
     const NewtonIterate start = iterate_;
     PLANISH_RETURN_IF_ERROR(Solve(tolerance));
     if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
         options_.preconditioner == PreconditionerType::kAmg && topology_.num_faces() <= kMostFallbackFaces) {
-      // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
+      // This near the solution, the linear solves were not good enough; angles did not collapse.
       const std::string why = absl::StrCat("with multigrid, ", summary_.stop_message);
       iterate_ = start;
       options_.preconditioner = PreconditionerType::kCholesky;
@@ -267,7 +267,7 @@ class ActiveSetMethod {
     return absl::OkStatus();
   }
 
-  // Takes the next set; false if there is none to try.
+  // Moves to the next set; false if there is none to try.
   bool ChangeSet(const Eigen::VectorXd& pressures) {
     if (set_changes_ >= tuning().max_set_changes) return false;
     const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
@@ -284,7 +284,7 @@ class ActiveSetMethod {
     return true;
   }
 
-  // Whether a solve that did not converge will do to judge the set by.
+  // Whether a solve that did not converge is accurate enough to judge the set.
   bool IsRoughlyRight(double rough) const {
     const Residual& r = summary_.residual;
     return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough &&
@@ -301,11 +301,11 @@ class ActiveSetMethod {
   const FlattenControl& control_;
   ActiveSet set_;
   NewtonIterate iterate_;
-  FlattenSummary summary_;  // of the last solve, with the counts of all
+  FlattenSummary summary_;  // of the last solve, with the counts of all solves
   int solves_ = 0, set_changes_ = 0;
   bool flat_ = false;    // Newton::IsFlat() of the last solve
-  bool usable_ = false;  // the last solve converged, or for a rough one nearly
-  // How the sets since Settle() began have done.
+  bool usable_ = false;  // the last solve converged, or nearly if it was a rough one
+  // Over the sets since Settle() began.
   std::int32_t least_wrong_ = 0;
   std::int64_t patience_ = 0;
 };

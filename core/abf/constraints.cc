@@ -23,7 +23,7 @@ class LogQuotient {
   double Value() const { return sum_ + portable::Log(numerator_ / denominator_); }
 
  private:
-  // Products of sines only become smaller; far from underflow they start anew.
+  // Products of sines only shrink; before they can underflow, their logarithm is added to sum_.
   static constexpr double kSmall = 1e-100;
   void Flush() {
     sum_ += portable::Log(numerator_) - portable::Log(denominator_);
@@ -32,7 +32,7 @@ class LogQuotient {
   double numerator_ = 1, denominator_ = 1, sum_ = 0;
 };
 
-// of(sine and cosine) of every angle.
+// of(sine and cosine) for every angle.
 template <typename Of>
 Eigen::VectorXd OfAngles(const Eigen::VectorXd& x, ThreadTeam& team, const Of& of) {
   Eigen::VectorXd result(x.size());

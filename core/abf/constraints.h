@@ -33,7 +33,7 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
                                      ThreadTeam& team = Alone());
 
 // For each angle of a face: the wheel multiplier of the vertex before it minus that of the vertex after it, both from
-// `pair`; 0 stands for the multiplier of a vertex without a wheel condition.
+// `pair`; 0 for vertices without a wheel condition.
 inline std::array<double, 3> WheelDifferences(const Topology& topology, std::int64_t face,
                                               const Eigen::Ref<const Eigen::VectorXd>& pair) {
   double wheel[3];
@@ -44,7 +44,7 @@ inline std::array<double, 3> WheelDifferences(const Topology& topology, std::int
   return {wheel[2] - wheel[1], wheel[0] - wheel[2], wheel[1] - wheel[0]};
 }
 
-// y = J x, J the pair rows of B at the angles whose cotangents are `cot`. y is overwritten.
+// y = J x, where J has the pair rows of B at the angles with cotangents `cot`. Overwrites y.
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team = Alone());
 

@@ -45,8 +45,8 @@ absl::Status FlattenOptions::Validate() const {
 
 namespace {
 
-// kAuto resolved: Uzawa on the reduced system, preconditioned by multigrid, or by a Cholesky factorization where the
-// mesh is small. The full system knows nothing better than Jacobi.
+// Resolves kAuto: Uzawa on the reduced system, preconditioned by multigrid, or by a Cholesky factorization for small
+// meshes. For the full system there is nothing better than Jacobi.
 FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.system == SystemType::kAuto) options.system = SystemType::kReduced;
   if (options.hessian == HessianType::kAuto && options.solver != SolverType::kAuto &&

@@ -38,30 +38,30 @@ inline double PlaneDeterminant(const double* a) {
   return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
 }
 
-// How a Hessian is convexified.
+// How to convexify a Hessian.
 enum class Convexification {
-  // Each face's 3x3 block positive definite on the plane of angle changes that sum to zero (all the reduced system
-  // needs): a face whose smallest eigenvalue relative to diag(f'') lies below ConvexityTuning::min_curvature moves
-  // towards diag(f'') just as far as brings it there.
+  // Each face's 3x3 block becomes positive definite on the plane of angle changes that sum to zero (all that the
+  // reduced system needs): a face whose smallest eigenvalue relative to diag(f'') is below
+  // ConvexityTuning::min_curvature is moved towards diag(f'') just far enough to reach it.
   kByFace,
-  // Each entry at least min_curvature times f''(x_i), which the full system needs.
+  // Each entry becomes at least min_curvature times f''(x_i), which the full system needs.
   kByAngle,
 };
 
-// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed; with kByFace,
-// `weak` gets those whose smallest eigenvalue was below ConvexityTuning::weak_curvature, ascending.
+// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed. With kByFace,
+// `weak` gets the faces whose smallest eigenvalue was below ConvexityTuning::weak_curvature, ascending.
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
                        ThreadTeam& team = Alone(), std::vector<std::int32_t>* weak = nullptr,
                        const ConvexityTuning& tuning = {});
 
-// The absolute value of the Hessian on the plane, relative to diag(f''): where kByFace would change a face, negative
-// eigenvalues change their sign, and those below ConvexityTuning::min_magnitude become that. An indefinite system is
-// preconditioned with it (Vecharynski and Knyazev 2013, "Absolute value preconditioning for symmetric indefinite linear
-// systems"): its eigenvalues end up near 1, and near -1 one for each such face.
+// The absolute value of the Hessian on the plane, relative to diag(f''): for faces that kByFace would change, negative
+// eigenvalues change their sign, and those below ConvexityTuning::min_magnitude are raised to it. Used to precondition
+// indefinite systems (Vecharynski and Knyazev 2013, "Absolute value preconditioning for symmetric indefinite linear
+// systems"): the eigenvalues end up near 1, and one for each such face near -1.
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
                                 ThreadTeam& team = Alone(), const ConvexityTuning& tuning = {});
 
-// Largest entries of h and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
+// The largest entries of h, and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
 Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,
                          ThreadTeam& team = Alone());
 

@@ -13,8 +13,8 @@
 namespace planish {
 namespace {
 
-// A vector in the plane as a complex number: products turn and scale. Plain arithmetic, unlike std::complex, which
-// looks after infinities.
+// A vector in the plane as a complex number: products rotate and scale. Plain arithmetic; std::complex also handles
+// infinities, which takes time.
 struct Complex {
   double re, im;
 
@@ -29,18 +29,19 @@ Complex MinusQuotient(const Complex& a, const Complex& b) {
   return {(a.re * b.re + a.im * b.im) * inverse, (a.im * b.re - a.re * b.im) * inverse};
 }
 
-// Per half-edge c = 3 f + k. Unlike a vector's its memory is first touched by the loop that fills it, on many threads.
+// Per half-edge c = 3 f + k. Unlike a vector's, this memory is first touched by the loop that fills it, on many
+// threads.
 using Edges = std::unique_ptr<Complex[]>;
 
-// The half-edges of every face by itself: half-edge 0 along the real axis, unit the diameter of the circumcircle.
+// The half-edges of every face on its own: half-edge 0 along the real axis, in units of the circumcircle's diameter.
 Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
   Edges edges = std::make_unique_for_overwrite<Complex[]>(angles.size());
   execution.ForEach(angles.size() / 3, [&](std::int64_t f) {
     const auto [sin0, cos0] = portable::SinCosInTriangle(angles[3 * f]);
     const double sin1 = portable::SinCosInTriangle(angles[3 * f + 1]).sine;
     const auto [sin2, cos2] = portable::SinCosInTriangle(angles[3 * f + 2]);
-    // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
-    // leads on to half-edge k + 1.
+    // The length of half-edge k is the sine of the angle it faces. It ends at v_{k+2}; turning by the exterior angle
+    // there gives the direction of half-edge k + 1.
     const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};
     edges[3 * f] = {sin0, 0};
     edges[3 * f + 1] = {sin1 * turn1.re, sin1 * turn1.im};
@@ -49,7 +50,7 @@ Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
   return edges;
 }
 
-// Turns and scales each face so that its edges agree with those of its neighbours, from face 0 on.
+// Rotates and scales each face so that its edges agree with those of its neighbours, from face 0 on.
 void JoinFaces(const Topology& topology, const Execution& execution, const Edges& edges) {
   std::vector<char> placed(topology.num_faces(), 0);
   std::vector<std::int32_t> queue;
@@ -80,8 +81,8 @@ struct Range {
   }
 };
 
-// Half-edges that wait for their turn, those of the shortest class first, in a class those that came first. A class
-// spans a factor of about 2^(1/4): four of them double the length.
+// A queue of half-edges by length classes, first in first out within a class. A class spans a factor of about 2^(1/4):
+// four of them double the length.
 class ShortestFirst {
  public:
   explicit ShortestFirst(double shortest_squared) : shortest_(Class(shortest_squared)), queues_(1), first_(0) {}
@@ -94,7 +95,7 @@ class ShortestFirst {
     first_ = std::min(first_, index);
   }
 
-  // What Pop() will return after some more calls, as far as can be told; -1 if it cannot.
+  // What Pop() will probably return after some more calls; -1 if unknown. For prefetching.
   std::int32_t Foresee() const {
     constexpr std::size_t kAhead = 12;
     if (first_ >= queues_.size()) return -1;
@@ -102,7 +103,7 @@ class ShortestFirst {
     return queue.head + kAhead < queue.half_edges.size() ? queue.half_edges[queue.head + kAhead] : -1;
   }
 
-  // -1 when none is left.
+  // -1 if the queue is empty.
   std::int32_t Pop() {
     for (; first_ < queues_.size(); ++first_) {
       Queue& queue = queues_[first_];
@@ -119,12 +120,12 @@ class ShortestFirst {
     std::size_t head = 0;
   };
 
-  // The exponent and the first bit of the mantissa, which grow with the logarithm; 4096 of them.
+  // The exponent and the first bit of the mantissa, which grow with the logarithm; 4096 classes.
   static std::uint64_t Class(double squared_length) { return std::bit_cast<std::uint64_t>(squared_length) << 1 >> 52; }
 
   const std::uint64_t shortest_;
   std::vector<Queue> queues_;
-  std::size_t first_;  // none before it has anything
+  std::size_t first_;  // all queues before it are empty
 };
 
 std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const Range& squared,
@@ -144,7 +145,7 @@ std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const R
       if (topology.opposite[3 * f + Next(k)] < 0) wait(3 * f + Next(k), topology.faces[f][Prev(k)]);
     });
   };
-  // From the shortest edge, so that where coordinates must be fine they are small.
+  // Starts at the shortest edge, so that coordinates are small where they must be precise.
   std::int32_t shortest = 0;
   while (shortest + 1 < topology.num_corners() && edges[shortest].SquaredNorm() > squared.low) ++shortest;
   place(Origin(topology.faces, shortest), 3 * (shortest / 3) + Next(shortest % 3));
@@ -192,8 +193,8 @@ std::vector<std::complex<double>> UnfoldRows(const Topology& topology, const Eig
   const auto multiply = [](Complex a, Complex b) {
     return Complex(a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real());
   };
-  // Edge vectors go from triangle to triangle and are added up to positions, never the other way: taking them from the
-  // positions of both ends would multiply errors.
+  // Edge vectors are passed from triangle to triangle and summed up to positions. Computing edges as differences of
+  // positions would multiply errors.
   struct Entry {
     std::int32_t corner;  // opposite the edge through which its triangle was reached
     Complex edge;         // that edge, from the vertex after the corner to the one before it
@@ -215,7 +216,7 @@ std::vector<std::complex<double>> UnfoldRows(const Topology& topology, const Eig
       placed[apex] = 1;
       position[apex] = position[topology.faces[f][Next(k)]] + side;
     }
-    // The other edges, as the triangles across them see them.
+    // The other edges, in the order of the triangles across them.
     const auto cross = [&](std::int32_t corner, Complex vector) {
       const std::int32_t o = topology.opposite[corner];
       if (o < 0 || seen[o / 3]) return;

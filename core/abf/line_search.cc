@@ -28,11 +28,11 @@ void UpdatePenalty(ThreadTeam& team, double factor, const Eigen::VectorXd& mu, c
 double LargestStepLength(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team,
                          const LineSearchTuning& tuning) {
   const double fraction = tuning.fraction_to_boundary;
-  // Nearly all steps fit, which takes neither a division nor a branch per angle to see.
+  // Nearly all steps fit, which this test finds without a division or branch per angle.
   const double excess = Largest(
       team, (-step - fraction * x).cwiseMax(step - fraction * (std::numbers::pi - x.array()).matrix()).cwiseMax(0));
   if (!(excess > 0)) return 1;
-  // The largest share of an angle's room that the whole step would take.
+  // The largest fraction of an angle's allowed change that the whole step would take.
   const double taken = Largest(team, x.binaryExpr(step, [fraction](double angle, double change) {
     return std::abs(change) / (fraction * (change < 0 ? angle : std::numbers::pi - angle));
   }));

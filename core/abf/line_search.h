@@ -1,4 +1,4 @@
-// How far to go along a Newton step.
+// The line search: the length of a Newton step.
 #pragma once
 
 #include "core/abf/constraints.h"
@@ -13,7 +13,7 @@ namespace planish {
 double LargestStepLength(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone(),
                          const LineSearchTuning& tuning = {});
 
-// `step` with each entry clipped by itself, so that no angle goes further than LineSearchTuning::clipped_fraction of
+// `step` with each entry clipped on its own, so that no angle goes further than LineSearchTuning::clipped_fraction of
 // its way to 0 or pi.
 Eigen::VectorXd ClippedStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone(),
                             const LineSearchTuning& tuning = {});
@@ -31,14 +31,14 @@ class MeritFunction {
   // Penalties that make the step a descent direction, from the multipliers mu + step.
   void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
 
-  // The part of phi's penalty terms that belongs to the pairs, where their constraints have the values `pair`.
+  // The penalty terms of phi for the pairs, for constraint values `pair`.
   double PairPenalty(const Eigen::VectorXd& pair) const;
-  // phi(x), where the energy without a barrier is `energy`.
+  // phi(x), given the energy without a barrier.
   double Value(const Eigen::VectorXd& x, double energy, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
   struct Derivative {
     double slope;
-    double noise;  // what the slope may be off by (LineSearchTuning::slope_noise)
+    double noise;  // bound of the slope's error (LineSearchTuning::slope_noise)
   };
   Derivative Slope(const Eigen::VectorXd& x, const ConstraintValues& h, const Eigen::VectorXd& step) const;
 

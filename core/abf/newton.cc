@@ -13,16 +13,16 @@
 namespace planish {
 namespace {
 
-// Relative tolerance of a linear solve by its residual, for solvers without a good preconditioner.
+// Relative tolerance of a linear solve in terms of its residual, for solvers without a good preconditioner.
 double ForcingTerm(double residual, double tolerance, const ForcingTuning& tuning) {
   const double on_the_way = std::min(tuning.of_residual * residual, tuning.max_term);
   const double last = std::min(tuning.of_tolerance * tolerance / residual, tuning.max_last_term);
   return std::max({on_the_way, last, tuning.min_term});
 }
 
-// The forcing terms by the error and by what is left of each constraint, for solvers with a good preconditioner. What
-// the solve leaves of the constraints, to first order, is its residual. (Of the gradient it leaves nothing: x and the
-// multipliers of the triangles are recovered exactly.)
+// Forcing terms for solvers with a good preconditioner, in terms of the error and of what remains of each constraint.
+// To first order, that is the residual of the solve. (The gradient vanishes: x and the multipliers of the triangles are
+// recovered exactly.)
 std::vector<RoughTolerance> RoughForcing(const Residual& residual, double violations, double tolerance,
                                          const ForcingTuning& tuning) {
   const double constraints = std::max({residual.triangle, residual.vertex, residual.wheel});
@@ -64,7 +64,7 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
                         .step_length = history_.length});
 }
 
-// Other preconditioners, and tolerances of the caller's choice, may take any number of iterations.
+// Other preconditioners, and fixed tolerances, may take any number of iterations.
 bool Newton::IsQuick() const {
   const bool is_quick =
       steps_.preconditioner() == PreconditionerType::kAmg || steps_.preconditioner() == PreconditionerType::kCholesky;
@@ -114,7 +114,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
     history_.cut_short = true;
   } else if (HasWorkLimit() && WorkLeft() <= 0 && solved.termination == LinearTermination::kIterationLimit) {
-    // Newton's method ends after the step, if there is one.
+    // Newton's method ends after this step, if there is one.
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -144,8 +144,8 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
   *slope = derivative.slope;
   if (derivative.slope <= derivative.noise) return true;
-  // The slope is that of a step which meets the linearized constraints; where they hold already, what the linear solver
-  // has left of them counts for more.
+  // This is the slope of a step that meets the linearized constraints. Where the constraints hold already, what the
+  // linear solver has left of them matters more.
   Eigen::VectorXd left;
   ApplyPairRows(topology_, at_.cot, step->x, &left, team());
   Assign(team(), left + at_.h.pair, &left);
@@ -156,7 +156,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   const LineSearchTuning& line_search = tuning().line_search;
   const double before = merit_.Value(at_.x, at_.energy, at_.h);
   const double rounding = line_search.merit_rounding * std::abs(before);
-  // The point alpha along a step, and whether it is low enough.
+  // The point at alpha along a step, and whether its merit is low enough.
   Point trial;
   const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
     summary_.work += tuning().work.trial;
@@ -167,7 +167,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
            before + line_search.sufficient_decrease * alpha * std::min(0.0, slope) + rounding;
   };
   double alpha = LargestStepLength(at_.x, step.x, team(), line_search);
-  // A few angles on their way to 0 need not shorten the step of all others.
+  // A few angles on their way to 0 should not shorten the step of all others.
   bool found = alpha < 1 && lowers_merit(ClippedStep(at_.x, step.x, team(), line_search), 1);
   if (found) {
     alpha = 1;
@@ -179,7 +179,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     // and Wright 2006, section 15.5). A second-order correction goes back to where the constraints hold: the least step
     // d with B d = -h(x + step).
     NewtonStep correction;
-    // Of the trial only h is needed, and memory is at its peak here: its x becomes the gradient 0.
+    // Only h of the trial is needed, and memory is at its peak here, so its x serves as the gradient 0.
     trial.sine.resize(0);
     trial.x.setZero();
     PLANISH_RETURN_IF_ERROR(Solve(trial.x, trial.h, &correction).status());
@@ -203,10 +203,10 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  history_.length = 0;  // until a step has been taken
+  history_.length = 0;  // stays 0 until a step has been taken
   summary_.work += tuning().work.step;
   Eigen::VectorXd convex = LagrangianHessian(topology_, at_.curvature, at_.sine, at_.mu, team());
-  Eigen::VectorXd hessian;  // where it is not convex itself
+  Eigen::VectorXd hessian;  // empty if the Hessian itself is convex
   const double residual = summary_.residual.Max();
   const double before = std::exchange(course_.last_residual, residual);
   const ConvexityTuning& convexity = tuning().convexity;
@@ -284,7 +284,7 @@ std::int64_t Newton::MostIterationsAfterStop() const {
 
 bool Newton::IsFlat() const {
   const Residual& r = summary_.residual;
-  // Where the surface bends little, the constraints hold well before the first step and the map would still fold.
+  // On a nearly flat surface the constraints may hold before the first step, while the map would still fold.
   return course_.whole_step && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough;
 }
 
@@ -301,7 +301,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   bool moved = false;
   while (true) {
     Evaluate();
-    // A step that led nowhere, or another objective, changes the last one.
+    // A step that failed, or a change of the objective, replaces the last entry.
     summary_.residuals.resize(static_cast<std::size_t>(summary_.newton_iterations) + 1);
     summary_.residuals.back() = static_cast<float>(summary_.residual.Max());
     Report(0, 0);
@@ -317,9 +317,9 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
     course_.whole_step = moved && history_.length == 1 && !history_.cut_short;
-    if (history_.cut_short && !moved) continue;  // which says nothing about whole solves
-    // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
-    // ever going down.
+    if (history_.cut_short && !moved) continue;  // a stopped solve says nothing about whole solves
+    // Where the constraints hold already, what a rough linear solve leaves of them can keep the merit function from
+    // falling.
     if (history_.length < tuning().line_search.tiny_step && !course_.exact_steps) {
       course_.exact_steps = true;
       continue;
@@ -337,7 +337,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   objective_.set_barrier(barrier.weakest);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
-    // Again, with stronger barriers before the weakest.
+    // Starts again, with stronger barriers before the weakest.
     Start();
     for (const double tau : BarrierSequence(barrier)) {
       objective_.set_barrier(tau);
@@ -347,15 +347,15 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
     }
   }
   if (ending != Ending::kConverged) return ending;
-  // Now without it.
+  // Now without a barrier.
   Point kept = at_;
   Multipliers kept_mu = at_.mu;
   objective_.set_barrier(0);
   course_.collapsed = course_.narrow = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
-  // f has no minimum with positive angles nearby, or none was found with the work allowed: the minimum with the barrier
-  // stands.
+  // f has no minimum with positive angles nearby, or the allowed work did not suffice to find one: keep the minimum
+  // with the barrier.
   summary_.out_of_work = ending == Ending::kOutOfWork;
   MoveTo(std::move(kept));
   at_.mu = std::move(kept_mu);
@@ -400,7 +400,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
   summary_.out_of_work |= ending == Ending::kOutOfWork;
-  // By Ending.
+  // Indexed by Ending.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped",
                                       "given up, since it took too much work,"};
   const Residual& r = summary_.residual;

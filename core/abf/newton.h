@@ -1,4 +1,4 @@
-// Newton's method on the Lagrangian of one disc (section 6 of the paper), with what makes it converge from anywhere: a
+// Newton's method on the Lagrangian of one disc (section 6 of the paper), made to converge from anywhere by a
 // convexified Hessian, a line search, and a barrier where angles collapse.
 #pragma once
 
@@ -17,12 +17,12 @@
 
 namespace planish {
 
-// A point that Newton's method starts from or ends at.
+// A start or end point of Newton's method.
 struct NewtonIterate {
   Eigen::VectorXd x;  // angles
   Multipliers mu;
   double barrier = 0;      // tau of the objective
-  Eigen::VectorXd z = {};  // of BoundMultipliers; empty: not begun yet
+  Eigen::VectorXd z = {};  // of BoundMultipliers; empty: not started yet
 };
 
 // One run of the method. All arguments of the constructor must outlive this object. Of the types in `options` only
@@ -42,51 +42,51 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From StartingAngles() and mu = 0 to a minimum of f. When angles collapse on the way, the method goes on with a
-  // barrier, then tries without one from there; the barrier stays where f alone has no minimum with positive angles.
+  // From StartingAngles() and mu = 0 to a minimum of f. If angles collapse, the method continues with a barrier, then
+  // tries without one from there. The barrier is kept if f alone has no minimum with positive angles.
   absl::StatusOr<FlattenSummary> Run();
-  // From `start` to a minimum of f with the barrier of `start`, or to where angles collapse. The steps, and all else
-  // that is done, count on from `before`.
+  // From `start` to a minimum of f with the barrier of `start`, or until angles collapse. Counts continue from
+  // `before`.
   absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start, const FlattenWork& before);
 
-  // For tests of what failed linear solves lead to.
+  // For tests of failed linear solves.
   StepSolver& step_solver() { return steps_; }
 
-  // Where Run() or RunFrom() ended.
+  // The end point of Run() or RunFrom().
   const Eigen::VectorXd& x() const { return at_.x; }
   const Multipliers& mu() const { return at_.mu; }
   const Eigen::VectorXd& z() const { return bounds_.z(); }
-  // Whether x() is good enough for an early end: a whole step led there, and the constraints hold to
+  // Whether x() is good enough for an early end: the last step had full length, and the constraints hold to
   // FlattenControl::flat_enough.
   bool IsFlat() const;
 
  private:
   enum class Ending { kConverged, kStuck, kIterationLimit, kStopped, kOutOfWork };
 
-  // Angles, and what follows from them alone.
+  // Angles, and values that depend only on them.
   struct Point {
     Eigen::VectorXd x, sine;  // sine: empty once a step has been computed from it
     ConstraintValues h;
     double energy = 0;
   };
   Point PointAt(Eigen::VectorXd x) const;
-  // Leaves mu as it is.
+  // Does not change mu.
   void MoveTo(Point point) { static_cast<Point&>(at_) = std::move(point); }
 
   struct State : Point {
     Multipliers mu;
-    Eigen::VectorXd curvature, cot, gradient;  // by Evaluate(). curvature: empty once a step has been computed from it
+    Eigen::VectorXd curvature, cot, gradient;  // by Evaluate(). curvature: empty once a step has been computed
   };
 
   // Goes to StartingAngles() and mu = 0, and calls Forget().
   void Start();
-  // Resets what earlier steps have left besides x and mu: penalties, bound multipliers, course_.
+  // Resets the state of earlier steps except x and mu: penalties, bound multipliers, course_.
   void Forget();
-  // The rest of Run() once angles have collapsed.
+  // Continues Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
   // The summary of the run.
   FlattenSummary Finish(Ending ending);
-  // Newton steps on the present objective until every residual is at most `tolerance`.
+  // Newton steps on the current objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
   // Whether a stop is requested and no further step may be taken (StopTuning).
   bool EndsEarly();
@@ -96,29 +96,29 @@ class Newton {
   void Evaluate();
   // Takes one step; false if no step lowers the merit function.
   absl::StatusOr<bool> TakeStep();
-  // Solves eq. 5 with `hessian`. True if the merit function falls along `step`; `slope` is its slope there.
+  // Solves eq. 5 with `hessian`. True if the merit function falls along `step`; sets `slope` to its slope there.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                    NewtonStep* step, double* slope);
-  // Whether each linear system is to be solved in a few iterations.
+  // Whether each linear system is expected to take few iterations.
   bool IsQuick() const;
-  // Whether a linear system that takes too many iterations ends it all (FlattenControl::gives_up).
+  // Whether a linear system that takes too many iterations ends the run (FlattenControl::gives_up).
   bool EndsAtHardSystems() const;
   // Whether FlattenControl::most_work applies, and how much work it still allows.
   bool HasWorkLimit() const;
   std::int64_t WorkLeft() const { return control_.most_work - summary_.work; }
-  // Solves eq. 5 of the present iterate for another right-hand side.
+  // Solves eq. 5 at the current iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function, whose slope along the step is `slope`, and moves there. False
-  // if no length lowers it; x and mu stay then.
+  // if no length lowers it; x and mu then stay unchanged.
   absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
   // The smallest ratio of an angle to its target.
   double SmallestRatio() const;
   // Whether angles collapse (BarrierTuning); never with a barrier. Counts steps, so it is called once after each.
   bool AnglesCollapse();
-  // Calls on_progress. The arguments are those of the linear solve under way.
+  // Calls on_progress. The arguments are those of the current linear solve.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
 
-  // What Forget() leaves as it is.
+  // Not reset by Forget().
   struct History {
     // Of the latest step.
     double length = 0;                          // 0: no step was taken
@@ -129,13 +129,13 @@ class Newton {
     bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   };
 
-  // How the steps since Forget() went.
+  // Statistics of the steps since Forget().
   struct Course {
     double collapsed = 0, narrow = 0;  // ratios: BarrierTuning
     int narrow_steps = 0;              // in a row
     double last_residual = 0;          // before the last step; 0 before the first
     int short_steps = 0;               // in a row
-    bool exact_steps = false;          // all linear solves have the least forcing term
+    bool exact_steps = false;          // all linear solves use the least forcing term
     bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
   };
 
@@ -152,7 +152,7 @@ class Newton {
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // Where the method is, and how it goes.
+  // The state.
   State at_;
   Course course_;
   History history_;

@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// The barriers to solve with, one after the other: from the strongest to the weakest.
+// The barriers to solve with in turn, from the strongest to the weakest.
 std::vector<double> BarrierSequence(const BarrierTuning& tuning);
 
 // f_tau(x) = f(x) + tau * sum of (x_i / a_i - 1 - log(x_i / a_i)).
@@ -49,9 +49,9 @@ class Objective {
 // The curvature of the barrier by a primal-dual interior point method for f_tau (Waechter and Biegler 2006, "On the
 // implementation of an interior-point filter line-search algorithm for large-scale nonlinear programming", sections 2.1
 // and 2.2; Nocedal and Wright 2006, "Numerical Optimization", section 19.2): multipliers z of the bounds x > 0. At a
-// minimum of f_tau they are tau / x; on the way there z_i / x_i takes the place of tau / x_i^2, the barrier's own
-// second derivative, in the Hessian. With z an angle that is far too small for tau returns in one step; with the second
-// derivative no step can more than double the angle.
+// minimum of f_tau they are tau / x. On the way there, the Hessian uses z_i / x_i instead of tau / x_i^2, the barrier's
+// second derivative. With z, an angle that is far too small for tau returns in one step; with the second derivative no
+// step can more than double the angle.
 class BoundMultipliers {
  public:
   // `target`, `objective` and `team` must outlive this.
@@ -60,13 +60,13 @@ class BoundMultipliers {
       : target_(target), objective_(objective), team_(team), tuning_(tuning) {}
 
   const Eigen::VectorXd& z() const { return z_; }
-  // Takes the multipliers of an earlier iterate, with the same barrier or another. Empty: z begins anew.
+  // Sets the multipliers of an earlier iterate, with the same or another barrier. If empty, z is initialized again.
   void set_z(Eigen::VectorXd z) { z_ = std::move(z); }
-  // The diagonal of the Hessian with z, positive: 2 w_i + z_i / x_i. If z is empty, begins with tau / x, where angles
-  // count as at least BarrierTuning::min_start_ratio of their targets. Without a barrier: the diagonal f''.
+  // The diagonal of the Hessian with z, positive: 2 w_i + z_i / x_i. If z is empty, initializes it to tau / x, where
+  // angles count as at least BarrierTuning::min_start_ratio of their targets. Without a barrier: the diagonal f''.
   Eigen::VectorXd Curvature(const Eigen::VectorXd& x);
-  // Takes the step of z that belongs to a step of the angles from x to `next`, of step length `length` in (0, 1]. Every
-  // z_i stays within BarrierTuning::multiplier_range of tau / next_i. Without a barrier nothing changes.
+  // Steps z along with a step of the angles from x to `next` of length `length` in (0, 1]. Every z_i stays within
+  // BarrierTuning::multiplier_range of tau / next_i. No effect without a barrier.
   void Follow(const Eigen::VectorXd& x, const Eigen::VectorXd& next, double length);
 
  private:
@@ -74,7 +74,7 @@ class BoundMultipliers {
   const Objective& objective_;
   ThreadTeam& team_;
   const BarrierTuning tuning_;
-  Eigen::VectorXd z_;  // empty: none yet
+  Eigen::VectorXd z_;  // empty: not started yet
 };
 
 }  // namespace planish

@@ -66,7 +66,7 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
   types_.preconditioner = PreconditionerType::kCholesky;
   wear_.solves = -1;
   by_multigrid_.s.reset();
-  by_multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
+  by_multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // frees its memory for the factorization
   by_factorization_.factorization.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
   return absl::OkStatus();
 }
@@ -97,7 +97,7 @@ absl::Status StepSolver::PrepareExact() {
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (!by_multigrid_.s) by_multigrid_.s = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  // The first numbers stand on an unfolding with angles that do not close up.
+  // The first numbers come from an unfolding with angles that do not close up.
   const bool first = wear_.solves < 0;
   const bool renew =
       first || !by_multigrid_.is_closed || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
@@ -135,8 +135,7 @@ void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
   if (auto patched = PatchedPreconditioner(preconditioner_, s, std::move(rows), max_bytes); patched.ok()) {
     preconditioner_ = *std::move(patched);
   } else {
-    by_multigrid_.left_out =
-        absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
+    by_multigrid_.left_out = absl::StrCat(kWithout, patched.status().message());  // multigrid alone has to do
   }
 }
 
@@ -148,7 +147,8 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   const bool is_quick =
       types_.preconditioner == PreconditionerType::kAmg || types_.preconditioner == PreconditionerType::kCholesky;
   if (types_.solver == SolverType::kDirect || !is_quick) watched.rough.clear();
-  // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
+  // MINRES on an indefinite system may need many iterations with any preconditioner, so that says nothing about
+  // multigrid.
   const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
   if (iterate_.is_indefinite && limit_indefinite_) {
     watched.max_iterations =
@@ -165,7 +165,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
-  // With a new preconditioner. Where S is singular in double precision, what was found stands.
+  // Solves again with a new preconditioner. If S is singular in double precision, keeps what was found.
   const auto solve_again = [&](const absl::Status& prepared, std::int64_t max_iterations) {
     if (!prepared.ok()) return absl::IsFailedPrecondition(prepared) ? absl::OkStatus() : prepared;
     const std::int64_t wasted = summary.iterations;
@@ -205,11 +205,11 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     iterate_.reduced->Recover(gradient, h.triangle, Eigen::VectorXd::Zero(h.pair.size()), &step->x, nullptr);
     iterate_.reduced->ApplyB(step->x, &rhs);
     Assign(team_, rhs + h.pair, &rhs);
-    step->x.resize(0);  // room for the solver
+    step->x.resize(0);  // frees memory for the solver
     summary = SolveSchur(solver, *iterate_.reduced, preconditioner_, rhs, options, &step->mu.pair);
     iterate_.reduced->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }
-  if (iterate_.is_indefinite) return summary;  // says nothing about how well the preconditioner has kept
+  if (iterate_.is_indefinite) return summary;  // says nothing about the wear of the preconditioner
   wear_.last_iterations = summary.iterations;
   if (wear_.solves++ == 0) wear_.first_iterations = summary.iterations;
   return summary;

@@ -9,10 +9,10 @@
 namespace planish {
 namespace {
 
-constexpr std::int64_t kAssemblyRows = 1024;  // of one chunk
+constexpr std::int64_t kAssemblyRows = 1024;  // in a chunk
 
-// Where u is among `length` ascending columns. Rows are short: counting, which no branch depends on, takes a third of
-// the time of a search.
+// The position of u among `length` ascending columns. Counting takes a third of the time of a search in short rows, as
+// it has no branches.
 std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32_t u) {
   constexpr std::int32_t kShort = 32;
   if (length > kShort) return static_cast<std::int32_t>(std::lower_bound(column, column + length, u) - column);
@@ -64,7 +64,7 @@ Eigen::VectorXd FullSystem::SchurDiagonal() const {
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     pair[0] += inverse_hessian_[c];
     if (!topology_.has_wheel(v)) {
-      pair[1] = pair[0];  // the row is absent: anything positive
+      pair[1] = pair[0];  // the row is absent: any positive value
       continue;
     }
     pair[1] +=
@@ -113,7 +113,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
     diagonal[2 * v] += (a1 + a2) * inverse_e_[f];
     diagonal[2 * v + 1] += (c1 * c1 * (a2 + a0) + c2 * c2 * (a0 + a1) + 2 * c1 * c2 * a0) * inverse_e_[f];
   }
-  // Without a wheel the row is absent: anything positive.
+  // Without a wheel the row is absent: any positive value.
   for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
@@ -152,7 +152,7 @@ std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vecto
 template <typename Scalar>
 ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
   const std::int32_t n = topology.num_rows;
-  // Chunk by chunk, then one after the other.
+  // Builds chunks in parallel, then concatenates them.
   matrix_.row_begin.assign(n + 1, 0);
   diagonal_.resize(n);
   using Part = std::vector<std::int32_t>;
@@ -198,8 +198,8 @@ const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd
       const std::int32_t* columns = &matrix_.column[row_begin];
       row.assign(4 * std::size_t(length), 0.0);
       for (std::int32_t i = topology_.row_corner_begin[v]; i < topology_.row_corner_begin[v + 1]; ++i) {
-        // The face's part of J P J^t in the rows of corner k. Everything is numbered from k on: 0 is k, 1 the angle
-        // after it and 2 the one before.
+        // The face's contribution to J P J^t in the rows of corner k. Indices are relative to k: 0 is k, 1 the angle
+        // after it and 2 the one before it.
         const std::int32_t f = topology_.row_corner[i] / 3, k = topology_.row_corner[i] % 3;
         const std::int32_t at[3] = {3 * f + k, 3 * f + Next(k), 3 * f + Prev(k)};
         const double a0 = hessian[at[0]], a1 = hessian[at[1]], a2 = hessian[at[2]];
@@ -207,8 +207,8 @@ const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd
         const double scale = 1 / (a0 * a1 + a1 * a2 + a2 * a0);
         const double p00 = scale * (a1 + a2), p11 = scale * (a2 + a0), p22 = scale * (a0 + a1);
         const double p01 = -scale * a2, p12 = -scale * a0, p02 = -scale * a1;
-        // The vertex row of J is (1, 0, 0), the wheel row (0, c1, -c2) or, of a vertex without a wheel, zero; t and w
-        // are they times P.
+        // The vertex row of J is (1, 0, 0); the wheel row is (0, c1, -c2), or zero for a vertex without a wheel. t and
+        // w are these rows times P.
         const auto wheel = [&](int corner) {
           return topology_.has_wheel(topology_.corner_row[at[corner]]) ? 1.0 : 0.0;
         };
@@ -229,7 +229,7 @@ const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd
         add(1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
         add(2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
       }
-      // Without a wheel the row is absent: anything positive.
+      // Without a wheel the row is absent: any positive value.
       if (!topology_.has_wheel(static_cast<std::int32_t>(v))) {
         double* diagonal = &row[4 * std::size_t(diagonal_[v] - row_begin)];
         diagonal[3] = diagonal[0];

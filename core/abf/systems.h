@@ -77,7 +77,7 @@ class ReducedSystem final : public SaddlePointOperator {
   ThreadTeam& team_;
   const Eigen::VectorXd &hessian_, &cot_;
   Eigen::VectorXd inverse_e_;                                               // 1 / e per face
-  std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)> multiply_;  // by set_matrix(); empty before
+  std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)> multiply_;  // set by set_matrix(); empty before
   bool rounds_ = false;                                                     // whether that matrix is rounded
 };
 
@@ -91,8 +91,8 @@ class ReducedMatrix {
  public:
   // `topology` and `team` must outlive this.
   explicit ReducedMatrix(const Topology& topology, ThreadTeam& team = Alone());
-  // S for the diagonal A and the cotangents at which J is taken. One thread calls `beside`, work that does not touch
-  // this matrix, while the others assemble.
+  // S for the diagonal A and the cotangents at which J is taken. While the team assembles, one thread calls `beside`,
+  // which must not touch this matrix.
   const BlockMatrix<Scalar>& Assemble(
       const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot, const std::function<void()>& beside = [] {});
 

@@ -18,9 +18,9 @@ struct TargetAngles {
 TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured,
                               const Execution& execution = {});
 
-// Where Newton's method starts: among all angles whose triangles sum to pi, those with the least energy f (eq. 4). They
-// are positive wherever the targets are less than 2 pi. Starting from the targets themselves is worse: their triangles
-// may sum to much more or less than pi, and the first step is then often cut short by an angle on its way to 0 or pi.
+// The starting point of Newton's method: of all angles whose triangles sum to pi, those with the least energy f (eq.
+// 4). They are positive wherever the targets are less than 2 pi. Starting from the targets is worse: their triangles
+// may sum to much more or less than pi, and then an angle on its way to 0 or pi often cuts the first step short.
 Eigen::VectorXd StartingAngles(const TargetAngles& target, ThreadTeam& team = Alone());
 
 }  // namespace planish

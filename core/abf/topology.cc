@@ -46,7 +46,7 @@ Topology MakeTopology(const FlatMesh& disc, std::vector<std::int32_t>* face_orde
   topology.num_interior = static_cast<std::int32_t>(rows.size());
   rows = InSpatialOrder(disc.positions, rows, execution);
 
-  // By the lowest row of each; those without a vertex under constraints come last.
+  // Sorts faces by their lowest row; faces without a constrained vertex come last.
   const auto num_rows = static_cast<std::int32_t>(rows.size());
   std::vector<std::int32_t> row(topology.num_vertices, num_rows), place(num_faces);
   for (std::int32_t i = 0; i < num_rows; ++i) row[rows[i]] = i;

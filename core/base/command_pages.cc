@@ -18,11 +18,11 @@ constexpr std::size_t kWidth = 100;
 constexpr std::size_t kTextColumn = 30;
 constexpr char kCommonGroup[] = "Options";  // CLI11's name for flags in no group of their own
 
-// A flag, or a positional argument, as people are told of it.
+// A flag or a positional argument, as the pages show it.
 struct Flag {
-  std::vector<std::string> names;    // "-o", "--output"; of a positional "IN"
-  std::string value;                 // "N", "auto|on"; empty: takes none
-  std::vector<std::string> choices;  // of the value
+  std::vector<std::string> names;    // "-o", "--output"; "IN" for a positional argument
+  std::string value;                 // "N", "auto|on"; empty if the flag takes no value
+  std::vector<std::string> choices;  // allowed values
   std::string group;
   std::string text;
 
@@ -45,7 +45,7 @@ struct Command {
     for (const Flag& flag : positionals) usage += " " + flag.names.front();
     return commands.empty() ? usage : usage + " COMMAND";
   }
-  // In the order in which they first appear; the common one is first.
+  // In the order of their first flags; the common group is first.
   std::vector<std::string> Groups() const {
     std::vector<std::string> groups = {kCommonGroup};
     for (const Flag& flag : flags) {
@@ -55,7 +55,7 @@ struct Command {
   }
 };
 
-// "INT:INT in [1 - 9]" is N, with ", 1 to 9" behind the text; "a|b" are choices.
+// Turns CLI11's "INT:INT in [1 - 9]" into the value N and the suffix ", 1 to 9", and "a|b" into choices.
 void ReadValue(const CLI::Option& option, Flag* flag) {
   if (option.get_items_expected_max() == 0 || option.get_type_size() == 0) return;
   const std::string type = option.get_type_name();
@@ -109,7 +109,7 @@ Command ReadCommand(const CLI::App& app, const std::string& title) {
 
 // ---- Help
 
-// `text` broken at blanks, from `column` on, where it stands already.
+// Wraps `text` at blanks. The text starts at `column` and later lines are indented to it.
 std::string Wrapped(const std::string& text, std::size_t column) {
   std::string out;
   std::size_t at = column;
@@ -131,7 +131,7 @@ std::string Entry(const std::string& title, const std::string& text) {
   return line + Wrapped(text, kTextColumn);
 }
 
-// Paragraphs are wrapped; headings, which end in a colon, and lines that begin with a blank stay as they are.
+// Wraps paragraphs. Headings (which end in a colon) and lines that begin with a blank stay as they are.
 std::string Footer(const std::string& footer) {
   std::string out, paragraph;
   const auto end_paragraph = [&] {
@@ -223,7 +223,7 @@ void Walk(const Command& command, const auto& visit) {
   for (const Command& sub : command.commands) Walk(sub, visit);
 }
 
-// In single quotes, for bash and zsh; fish takes the same but for its backslashes.
+// In single quotes. `apostrophe` replaces apostrophes in the text.
 std::string Quoted(const std::string& text, const std::string& apostrophe = "'\\''") {
   return "'" + absl::StrReplaceAll(text, {{"'", apostrophe}}) + "'";
 }
@@ -234,7 +234,7 @@ std::string Path(const Command& command) {
   return blank == std::string::npos ? "" : command.title.substr(blank + 1);
 }
 
-// case labels of all commands below the root: "planish jobs list" | ...
+// The case labels of all commands below the root: "planish jobs list" | ...
 std::string Titles(const Command& root) {
   std::vector<std::string> titles;
   Walk(root, [&](const Command& command) {
@@ -412,7 +412,7 @@ void AddGenerate(CLI::App& app, const std::string& version, const ManFrame& fram
          "--generate",
          [&app, version, frame](const std::string& page) {
            const Command root = ReadCommand(app, app.get_name());
-           // What ends the parsing with something to print, whatever else is asked for.
+           // CLI11 stops parsing and prints this, whatever the other flags are.
            throw CLI::CallForVersion(page == "man"    ? ManPage(root, version, frame)
                                      : page == "bash" ? Bash(root)
                                      : page == "zsh"  ? Zsh(root)

@@ -1,4 +1,4 @@
-// Help, man page and shell completion of a command, made from its flags as CLI11 knows them.
+// Help, man page and shell completion of a command, generated from its CLI11 flags.
 #pragma once
 
 #include <string>
@@ -9,7 +9,8 @@ class App;
 
 namespace planish {
 
-// What a man page says beside the flags. `before` and `after` are roff, between NAME and OPTIONS and after OPTIONS.
+// The parts of a man page that are not generated. `before` and `after` are roff, between NAME and OPTIONS and after
+// OPTIONS.
 struct ManFrame {
   int section = 1;
   std::string manual;  // "User Commands"
@@ -17,12 +18,12 @@ struct ManFrame {
   std::string after;
 };
 
-// Adds --help, with every flag, by group, and what follows them (the footer), and -h, with the flags that are in no
-// group of their own. Lines are at most 100 columns wide. Comes before subcommands are added, which inherit it.
+// Adds --help, which lists every flag by group and ends with the footer, and -h, which lists only the flags that are in
+// no group. Lines are at most 100 columns wide. Call this before adding subcommands, which inherit both flags.
 void AddHelp(CLI::App& app);
 
-// Adds --generate=man|bash|zsh|fish, which prints the man page, or the completion for a shell, of `app` with all its
-// subcommands, and ends. Flags and subcommands in the group "" are left out.
+// Adds --generate=man|bash|zsh|fish, which prints the man page or the shell completion of `app` and all its
+// subcommands, and exits. Leaves out flags and subcommands in the group "".
 void AddGenerate(CLI::App& app, const std::string& version, const ManFrame& frame);
 
 }  // namespace planish

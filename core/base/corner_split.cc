@@ -13,14 +13,14 @@ CornerSplit SplitCorners(std::int64_t num_vertices, std::span<const std::int32_t
   split.source = Indices(num_vertices);
   split.uv.resize(2 * num_vertices, 0.0);
   split.corner.reserve(corner_vertex.size());
-  // Linked lists: the UV of a vertex are few.
+  // Linked lists, since a vertex has few UV.
   std::vector<std::int32_t> next(num_vertices, kLast);
   std::vector<bool> is_used(num_vertices, false);
   std::vector<bool> has_corner(fill_unused ? num_vertices : 0, false);
   if (fill_unused) {
     for (const std::int32_t vertex : corner_vertex) has_corner[vertex] = true;
   }
-  std::size_t unused = 0;  // those before it have a corner, or became copies
+  std::size_t unused = 0;  // all vertices before this one have a corner or became copies
   for (std::size_t c = 0; c < corner_vertex.size(); ++c) {
     const double u = corner_uv[2 * c] + 0.0;
     const double v = corner_uv[2 * c + 1] + 0.0;

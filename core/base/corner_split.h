@@ -1,4 +1,4 @@
-// One UV per vertex, where a file format or a renderer knows no UV per corner.
+// Splits vertices so that each has one UV, for file formats and renderers without UV per corner.
 #pragma once
 
 #include <cstdint>
@@ -7,9 +7,9 @@
 
 namespace planish {
 
-// The old vertices keep their numbers; each of their further UV becomes a copy behind all of them.
+// Old vertices keep their numbers. Each further UV of a vertex becomes a copy of it, behind all old vertices.
 struct CornerSplit {
-  std::vector<std::int32_t> source;  // per new vertex the old one; 0, 1, 2, ... to begin with
+  std::vector<std::int32_t> source;  // per new vertex the old one; begins with 0, 1, 2, ...
   std::vector<std::int32_t> corner;  // per corner the new vertex
   std::vector<double> uv;            // (u, v) per new vertex; 0 0 for old vertices without a corner
 
@@ -18,10 +18,10 @@ struct CornerSplit {
   std::int64_t num_vertices() const { return static_cast<std::int64_t>(source.size()); }
 };
 
-// `corner_vertex` has ids below `num_vertices`, `corner_uv` two numbers per corner. Corners of a vertex share a new one
-// if their UV are equal (0 and -0 alike). Copies come in the order in which corners first use them. With `fill_unused`
-// they take the places of old vertices without a corner first, so that there are never more vertices than corners
-// if there were not more to begin with: a Draco decoder refuses that.
+// `corner_vertex` has ids below `num_vertices`, `corner_uv` two numbers per corner. Corners of a vertex with equal UV
+// (0 and -0 are equal) share a new vertex. Copies are in the order in which corners first use them. With `fill_unused`,
+// copies first take the places of old vertices that no corner uses. Then there are no more vertices than corners,
+// unless there were before; a Draco decoder refuses more.
 CornerSplit SplitCorners(std::int64_t num_vertices, std::span<const std::int32_t> corner_vertex,
                          std::span<const double> corner_uv, bool fill_unused = false);
 

@@ -6,7 +6,7 @@
 
 namespace planish {
 
-// Closes a file descriptor with its owner. Movable.
+// Owns a file descriptor and closes it. Movable.
 class Descriptor {
  public:
   explicit Descriptor(int fd = -1) : fd_(fd) {}

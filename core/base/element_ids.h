@@ -13,19 +13,19 @@ namespace planish::ids {
 // "12,40".
 std::string IdList(std::span<const std::int64_t> ids);
 
-// The ids of vertices, edges or faces in a value, in order; whatever is no digit is passed over.
+// The ids of vertices, edges or faces in a value, in order. Everything but digits separates ids.
 std::vector<std::int64_t> IdsIn(const std::string& text);
 
-// New id of an old one. An empty function keeps ids; a negative answer keeps that id.
+// Maps an old id to a new one. An empty function keeps all ids; a negative result keeps this id.
 using IdMap = std::function<std::int64_t(std::int64_t)>;
 
-// From one numbering, such as that of the mesh as sent, to another.
+// From one numbering to another, such as that of the uploaded mesh.
 struct Renumbering {
   IdMap vertex;
   IdMap face;
 };
 
-// Values under "vertex", "vertices", "edge", "edges", "face" and "faces" are renumbered; others stay.
+// Renumbers the values under "vertex", "vertices", "edge", "edges", "face" and "faces".
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering);
 

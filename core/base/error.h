@@ -8,7 +8,7 @@
 
 namespace planish {
 
-// Why something failed, for programs; becomes google.rpc.ErrorInfo at the edge of the server.
+// The cause of a failure for programs. The server converts it to google.rpc.ErrorInfo.
 struct ErrorInfo {
   std::string reason;                           // UPPER_SNAKE_CASE; the list is at planish.v1.Job.error
   std::map<std::string, std::string> metadata;  // e.g. {"vertices", "12,40"}, ids 0-based
@@ -19,7 +19,7 @@ struct ErrorInfo {
 absl::Status MakeError(absl::StatusCode code, const std::string& reason, const std::string& message,
                        const std::map<std::string, std::string>& metadata = {});
 
-// INVALID_ARGUMENT, OPTIONS_INVALID, with the name of the field in message and metadata.
+// INVALID_ARGUMENT, OPTIONS_INVALID, with the field's name in the message and the metadata.
 absl::Status OptionError(const std::string& field, const std::string& message,
                          std::map<std::string, std::string> metadata = {});
 

@@ -1,5 +1,5 @@
-// What a computation may use (a team of threads) and what may end it (requests to cancel or to stop), handed from stage
-// to stage.
+// What a computation may use (a team of threads) and what may end it early (cancel and stop requests). Every stage gets
+// one.
 #pragma once
 
 #include <cstdint>
@@ -11,28 +11,28 @@
 
 namespace planish {
 
-// After a cancellation, loops skip the chunks that are left: whoever reads their results must ask IsCancelled() first.
-// After a stop request, results are complete and valid all the same; only searches for better ones end.
+// After a cancellation, loops skip the remaining chunks: check IsCancelled() before using their results. After a stop
+// request, loops still complete and results are valid; only searches for better results end.
 struct Execution {
   ThreadTeam* team = nullptr;           // null: the calling thread alone
-  const Interrupter* cancel = nullptr;  // null: nothing ends it
-  const Interrupter* stop = nullptr;    // null: there is time for the best result
-  // Told what part of the present stage is done, on the thread that runs it; null: nobody asks.
+  const Interrupter* cancel = nullptr;  // null: cannot be cancelled
+  const Interrupter* stop = nullptr;    // null: cannot be stopped
+  // Called with the completed fraction of the current stage, on the thread that runs it; may be null.
   const std::function<void(double)>* progress = nullptr;
-  double progress_begin = 0, progress_end = 1;  // what Report(0) and Report(1) are of the whole stage
+  double progress_begin = 0, progress_end = 1;  // the stage's fractions for Report(0) and Report(1)
 
-  // Iterations of a chunk: so few that a cancellation is noticed soon.
+  // Iterations of a chunk, few enough that a cancellation is noticed soon.
   static constexpr std::int64_t kChunk = ThreadTeam::kChunk;
   // For loops without chunks: the steps between two calls of IsCancelled(). A power of two.
   static constexpr std::int64_t kStride = 16384;
 
   bool IsCancelled() const { return IsInterrupted(cancel); }
   bool IsStopRequested() const { return IsInterrupted(stop); }
-  // `fraction` of this part of the stage is done, in [0, 1]. Not for every step of a loop.
+  // Reports that `fraction` of this part of the stage is done, in [0, 1]. Too slow for every step of a loop.
   void Report(double fraction) const {
     if (progress != nullptr) (*progress)(progress_begin + fraction * (progress_end - progress_begin));
   }
-  // For work that takes the stage from one fraction to another.
+  // An Execution whose Report(0) and Report(1) are these fractions of this one's.
   Execution Part(double begin, double end) const {
     Execution part = *this;
     const double whole = progress_end - progress_begin;
@@ -43,7 +43,7 @@ struct Execution {
   // The same requests, without the team.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
   ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }
-  // IsCancelled(), asked once in kStride steps.
+  // IsCancelled(), checked once in kStride steps.
   bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
@@ -54,7 +54,7 @@ struct Execution {
     });
   }
 
-  // each(i) for every i of [0, n), a chunk of them after one another.
+  // each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
   template <typename Each>
   void ForEach(std::int64_t n, const Each& each) const {
     For(n, [&](std::int64_t begin, std::int64_t end) {
@@ -62,15 +62,16 @@ struct Execution {
     });
   }
 
-  // The results of body(begin, end) for every chunk, in order: what is made of them does not depend on the team.
-  // Result() stands for chunks that were left out.
+  // The results of body(begin, end) for every chunk, in order, so that they do not depend on the number of threads.
+  // Skipped chunks give Result().
   template <typename Result, typename Body>
   std::vector<Result> Collect(std::int64_t n, const Body& body) const {
     return Team().Collect<Result>(
         n, kChunk, [&](std::int64_t begin, std::int64_t end) { return IsCancelled() ? Result() : body(begin, end); });
   }
 
-  // The sum of what each(i, &sum) adds for every i in [0, n): by chunks, whose sums Sum::Add() adds in order.
+  // The sum of what each(i, &sum) adds for every i in [0, n). Each chunk has a sum of its own; Sum::Add() adds these in
+  // order.
   template <typename Sum, typename Each>
   Sum SumUp(std::int64_t n, const Each& each) const {
     Sum sum;
@@ -84,7 +85,7 @@ struct Execution {
     return sum;
   }
 
-  // How many of [0, n) fulfil `predicate`.
+  // The number of i in [0, n) that fulfil `predicate`.
   template <typename Predicate>
   std::int64_t Count(std::int64_t n, const Predicate& predicate) const {
     struct Total {

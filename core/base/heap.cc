@@ -17,8 +17,8 @@ constexpr std::size_t kReserved = std::size_t{1} << 30;
 
 bool keep_freed_memory = false;
 
-// Asks for huge pages for what the heap will grow into next. Addresses only: no memory is used before it is written to.
-// Where the kernel has no huge pages to give, or so many addresses are not to be had, everything is as without.
+// Asks for huge pages for the addresses that the heap will grow into next. This uses no memory until it is written to.
+// Does nothing if the kernel has no huge pages or the addresses are not available.
 void PreferHugePages(std::size_t reserved) {
   constexpr std::size_t kHugePage = std::size_t{1} << 21;
   if (reserved < 2 * kHugePage) return;
@@ -33,7 +33,7 @@ void PreferHugePages(std::size_t reserved) {
 }  // namespace
 
 void KeepFreedMemory() {
-  // A sanitizer has a heap of its own, which none of this reaches, and writes to an eighth of each block that it gives.
+  // Sanitizers have an allocator of their own, which mallopt() does not reach, and write to an eighth of each block.
   if (kSanitized) return;
   mallopt(M_MMAP_THRESHOLD, INT_MAX);
   mallopt(M_TRIM_THRESHOLD, INT_MAX);

@@ -5,10 +5,10 @@
 
 namespace planish {
 
-// Thread-safe: any thread may interrupt, solvers only look.
+// Thread-safe: any thread may interrupt; solvers only read.
 class Interrupter {
  public:
-  // There is no way back.
+  // Cannot be undone.
   void Interrupt() { interrupted_.store(true, std::memory_order_relaxed); }
   bool IsInterrupted() const { return interrupted_.load(std::memory_order_relaxed); }
 
@@ -16,7 +16,7 @@ class Interrupter {
   std::atomic<bool> interrupted_ = false;
 };
 
-// Whether `interrupter` is there and was used.
+// False for null.
 inline bool IsInterrupted(const Interrupter* interrupter) {
   return interrupter != nullptr && interrupter->IsInterrupted();
 }

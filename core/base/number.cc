@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// std::from_chars knows no leading '+'. "+-1" stays wrong.
+// std::from_chars does not accept a leading '+'. "+-1" stays an error.
 std::string_view WithoutPlus(std::string_view token) {
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   return token;
@@ -23,7 +23,7 @@ bool ParseDouble(std::string_view token, double* value) {
   const auto [stop, error] = std::from_chars(token.data(), end, parsed);
   if (stop != end || token.empty()) return false;
   if (error == std::errc::result_out_of_range) {
-    // Unlike std::from_chars, absl's says which end of the range it was: the largest double, or nearly zero.
+    // std::from_chars does not say whether the number was too large or too small; absl::from_chars does.
     absl::from_chars(token.data(), end, parsed);
     if (std::abs(parsed) > 1) parsed = std::copysign(std::numeric_limits<double>::infinity(), parsed);
   } else if (error != std::errc()) {

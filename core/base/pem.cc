@@ -15,7 +15,7 @@ Bio Reader(const std::string& pem) {
   return {BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())), &BIO_free};
 }
 
-// Never asks anybody for a password.
+// Called when a key is encrypted. Never prompts for a password.
 int NoPassword(char*, int, int, void* asked) {
   *static_cast<bool*>(asked) = true;
   return 0;
@@ -35,7 +35,7 @@ std::vector<CertificatePtr> CertificatesIn(const std::string& pem) {
   std::vector<CertificatePtr> certificates;
   const Bio reader = Reader(pem);
   while (X509* next = PEM_read_bio_X509(reader.get(), nullptr, nullptr, nullptr)) certificates.emplace_back(next);
-  ERR_clear_error();  // "no start line" after the last one
+  ERR_clear_error();  // removes the error "no start line" that ends the loop
   return certificates;
 }
 

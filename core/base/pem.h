@@ -1,4 +1,4 @@
-// What PEM files hold.
+// Reads certificates and keys from PEM files.
 #pragma once
 
 #include <openssl/types.h>
@@ -16,11 +16,11 @@ struct FreePem {
 using CertificatePtr = std::unique_ptr<X509, FreePem>;
 using KeyPtr = std::unique_ptr<EVP_PKEY, FreePem>;
 
-// All certificates, in order; empty if there is none.
+// All certificates, in order; may be empty.
 std::vector<CertificatePtr> CertificatesIn(const std::string& pem);
 
-// The first private key; null if there is none, or if it is encrypted, which `is_encrypted` tells unless it is null:
-// nobody is asked for a password.
+// The first private key; null if there is none or it is encrypted. `is_encrypted`, unless null, says which. Never
+// prompts for a password.
 KeyPtr KeyIn(const std::string& pem, bool* is_encrypted = nullptr);
 
 }  // namespace planish

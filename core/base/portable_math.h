@@ -83,7 +83,7 @@ struct SineCosine {
   double sine, cosine;
 };
 
-// Both at once, for |x| <= 1e6. NaN for larger angles and for what is not finite.
+// Both at once, for |x| <= 1e6. NaN for larger angles, infinities and NaN.
 inline SineCosine SinCos(double x) {
   if (!(std::abs(x) <= 1e6)) return {internal::kNaN, internal::kNaN};
   const internal::ReducedAngle a = internal::Reduce(x);
@@ -111,8 +111,8 @@ inline double Tan(double x) {
   return sine / cosine;
 }
 
-// Both at once for angles of triangles, in [0, pi], without a branch: loops become vector code. The sine to 4 units in
-// its last place, near pi too; the cosine to 4e-16.
+// Both at once for angles of triangles, in [0, pi]. Without branches, so that loops are vectorized. The sine is exact
+// to 4 units in its last place, near pi too; the cosine to 4e-16.
 inline SineCosine SinCosInTriangle(double angle) {
   const double supplement = (std::numbers::pi - angle) + internal::kPiLow;
   // Taylor series at half of the acute angle, at most pi / 4, with terms to beyond double's precision.
@@ -125,10 +125,10 @@ inline SineCosine SinCosInTriangle(double angle) {
   return {2 * s * c, std::copysign((c - s) * (c + s), std::numbers::pi / 2 - angle)};
 }
 
-// The angle of (x, y) in [-pi, pi], with the signs of zeros and infinities that std::atan2 has. To 2 units in the last
-// place.
+// The angle of (x, y) in [-pi, pi], to 2 units in the last place. Signs of zeros and infinities are those of
+// std::atan2.
 inline double Atan2(double y, double x) {
-  // atan(i / 8), as a sum of two.
+  // atan(i / 8) as the sum of two doubles.
   static constexpr struct {
     double high, low;
   } kTable[9] = {
@@ -165,7 +165,7 @@ inline double Atan2(double y, double x) {
   // |t| <= 1 / 16: the terms left out are below 1e-18 t.
   const double p = internal::Horner(u, 1.0 / 15, -1.0 / 13, 1.0 / 11, -1.0 / 9, 1.0 / 7, -1.0 / 5, 1.0 / 3);
   const double small = t - t * (u * p);
-  // pi - (pi / 2 - angle): each of these, or not.
+  // pi - (pi / 2 - angle); each reflection only if needed.
   double high = kTable[i].high, low = kTable[i].low, sign = 1;
   const auto reflect = [&](double at, double at_low) {
     const double sum = at - high;
@@ -195,8 +195,8 @@ inline double Log(double x) {
   const std::int64_t exponent = static_cast<std::int64_t>(bits - kSqrtHalf) >> 52;
   const double k = static_cast<double>(exponent) + scale;
   const double f = std::bit_cast<double>(bits - (static_cast<std::uint64_t>(exponent) << 52)) - 1;
-  // log(1 + f) = 2 atanh(s) = f - f^2 / 2 + s (f^2 / 2 + r), with s = f / (2 + f) and r what the series of 2 atanh(s)
-  // has after its first term, over s. Two chains of every other term.
+  // log(1 + f) = 2 atanh(s) = f - f^2 / 2 + s (f^2 / 2 + r), where s = f / (2 + f) and s r is the series of 2 atanh(s)
+  // without its first term. Even and odd terms are summed separately, so that the CPU computes both at once.
   const double s = f / (2 + f), z = s * s, w = z * z;
   const double odd = z * (2.0 / 3 + w * (2.0 / 7 + w * (2.0 / 11 + w * (2.0 / 15 + w * (2.0 / 19 + w * (2.0 / 23))))));
   const double even = w * (2.0 / 5 + w * (2.0 / 9 + w * (2.0 / 13 + w * (2.0 / 17 + w * (2.0 / 21)))));
@@ -218,7 +218,7 @@ inline double Exp(double x) {
       internal::Horner(r, 1.0 / 87178291200, 1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800,
                        1.0 / 362880, 1.0 / 40320, 1.0 / 5040, 1.0 / 720, 1.0 / 120, 1.0 / 24, 1.0 / 6, 1.0 / 2);
   const double value = 1 + (r + (rest + r * r * p));
-  // In two steps: 2^k by itself may be too large or too small.
+  // In two steps, since 2^k may overflow or underflow.
   const int n = static_cast<int>(k), half = n / 2;
   return value * internal::PowerOfTwo(half) * internal::PowerOfTwo(n - half);
 }

@@ -9,7 +9,7 @@
 namespace planish {
 
 std::string SelfToExecute() {
-  // The kernel maps no loader for a loader that is itself the program.
+  // The kernel maps no loader if the program itself is a loader.
   const bool launched = getauxval(AT_BASE) == 0 && program_invocation_name[0] == '/';
   return launched ? program_invocation_name : "/proc/self/exe";
 }

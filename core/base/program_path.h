@@ -1,16 +1,16 @@
-// Where the program that runs lies.
+// The path of the running program.
 #pragma once
 
 #include <string>
 
 namespace planish {
 
-// What can be executed to start this program once more: "/proc/self/exe", which stays the same program when its file is
-// replaced. A program of the relocatable tarball was loaded by a dynamic loader that its launcher executed
-// (deploy/packages/launcher.cc); /proc/self/exe is then that loader, and this is the absolute path of the launcher.
+// The path to execute to start this program once more. Usually "/proc/self/exe", which stays the same program when its
+// file is replaced. For a program of the relocatable tarball, the absolute path of its launcher
+// (deploy/packages/launcher.cc): the launcher executes a dynamic loader, so /proc/self/exe is that loader.
 std::string SelfToExecute();
 
-// The absolute path of this program, without links; of its launcher, if it has one. Empty if its file is gone.
+// The absolute path of this program, or of its launcher, with links resolved. Empty if the file is gone.
 std::string SelfPath();
 
 }  // namespace planish

@@ -9,7 +9,7 @@ namespace planish {
 void SortByKey(std::vector<KeyedIndex>* entries) {
   constexpr int kBits = 11, kDigits = (64 + kBits - 1) / kBits;
   constexpr std::uint64_t kMask = (1 << kBits) - 1;
-  // Counting takes longer than comparing: charts of a few faces are many.
+  // Below this, counting takes longer than comparing. Many charts have few faces.
   constexpr std::size_t kFew = 256;
   if (entries->size() <= kFew) {
     std::stable_sort(entries->begin(), entries->end(),

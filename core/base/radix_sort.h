@@ -14,8 +14,7 @@ struct KeyedIndex {
   std::int32_t index;
 };
 
-// Sorts by key; entries with equal keys keep their order. O(n) per 11 bits in which the keys differ, and as much memory
-// again.
+// Sorts by key; stable. O(n) for every 11 bits in which the keys differ. Needs the same memory once more.
 void SortByKey(std::vector<KeyedIndex>* entries);
 
 // The numbers from 0 to n - 1.
@@ -25,7 +24,7 @@ inline std::vector<std::int32_t> Indices(std::size_t n) {
   return indices;
 }
 
-// The same, sorted: `i` before `j` if before(i, j), and where neither comes before the other, the lower one first.
+// The numbers from 0 to n - 1, stably sorted by `before`.
 template <typename Before>
 std::vector<std::int32_t> SortedIndices(std::size_t n, const Before& before) {
   std::vector<std::int32_t> order = Indices(n);
@@ -36,7 +35,7 @@ std::vector<std::int32_t> SortedIndices(std::size_t n, const Before& before) {
 // Numbers in groups, one behind the other.
 struct Groups {
   std::vector<std::int32_t> item;
-  std::vector<std::int32_t> begin = {0};  // of each group in `item`, and the end
+  std::vector<std::int32_t> begin = {0};  // where each group begins in `item`, and the end
 
   std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
   std::span<const std::int32_t> operator[](std::int32_t i) const {
@@ -44,8 +43,8 @@ struct Groups {
   }
 };
 
-// The numbers from 0 to n - 1, a group for each key in [0, num_keys): ascending, those with this key(i). Numbers with a
-// key below 0 are left out. O(n).
+// Groups the numbers i from 0 to n - 1 by key(i) in [0, num_keys), each group ascending. Numbers with a negative key
+// are left out. O(n).
 template <typename Key>
 Groups GroupByKey(std::int32_t n, std::int64_t num_keys, const Key& key) {
   Groups groups;

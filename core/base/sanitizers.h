@@ -3,8 +3,8 @@
 
 namespace planish {
 
-// Whether the address or the thread sanitizer is built in. Such a program reserves terabytes of addresses, needs files
-// and processes of its own, fails under a limit on its memory, and is slow.
+// Whether the address or the thread sanitizer is built in. Such a program reserves terabytes of addresses, needs extra
+// files and processes, fails under a memory limit, and is slow.
 #if defined(__SANITIZE_ADDRESS__) || defined(_GLIBCXX_TSAN)  // PlanishTargets.cmake
 inline constexpr bool kSanitized = true;
 #else

@@ -41,7 +41,7 @@ int Spawn(const NewProcess& process, pid_t* pid) {
     if (ours < 0) {
       error = posix_spawn_file_actions_addopen(&files, i, "/dev/null", O_RDWR, 0);
     } else {
-      // A copy above the numbers that the process gets, which may be those of ours.
+      // Duplicate above `count`, since our descriptors may have numbers that the new process will use.
       const Descriptor& source = sources.emplace_back(fcntl(ours, F_DUPFD_CLOEXEC, count));
       if (source.get() < 0) return errno;
       error = posix_spawn_file_actions_adddup2(&files, source.get(), i);

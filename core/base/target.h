@@ -1,4 +1,4 @@
-// Where a server is, for those who listen and those who connect: "HOST:PORT", "[IPV6]:PORT" or "unix:PATH".
+// Addresses of servers, to listen on or to connect to: "HOST:PORT", "[IPV6]:PORT" or "unix:PATH".
 #pragma once
 
 #include <optional>
@@ -13,10 +13,10 @@ struct HostPort {
 
 bool IsUnixTarget(const std::string& target);
 
-// Nothing if it is no "HOST:PORT" or "[IPV6]:PORT".
+// Nothing if `target` is neither "HOST:PORT" nor "[IPV6]:PORT".
 std::optional<HostPort> ParseHostPort(const std::string& target);
 
-// Whether what is sent there stays on this machine: a Unix socket, or a loopback address.
+// Whether traffic to `target` stays on this machine: a Unix socket or a loopback address.
 bool IsWithinThisMachine(const std::string& target);
 
 }  // namespace planish

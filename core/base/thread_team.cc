@@ -6,8 +6,8 @@ namespace {
 constexpr std::uint64_t kOpen = 1 << 15;
 constexpr std::uint64_t kLoop = 1 << 16;
 
-// Looks at the door before a helper goes to sleep: some tens of microseconds, longer than the gaps between the loops of
-// one solver iteration.
+// How often a helper polls for work before it sleeps: some tens of microseconds, longer than the gaps between the loops
+// of one solver iteration.
 constexpr int kLooks = 2000;
 
 void Pause() {
@@ -18,8 +18,8 @@ void Pause() {
 
 }  // namespace
 
-// Where no thread is left, or no memory for its stack, the destructor ends the helpers that came before: after the
-// constructor without helpers the object counts as constructed.
+// If a thread cannot be started, the destructor ends the helpers started before: the delegated constructor has run, so
+// the object counts as constructed.
 ThreadTeam::ThreadTeam(int size) : ThreadTeam() {
   for (int i = 1; i < size; ++i) helpers_.emplace_back([this] { HelperMain(); });
 }
@@ -49,7 +49,7 @@ void ThreadTeam::Run(std::int64_t chunks, ChunkFunction function, const void* co
 
   WorkOnChunks();
 
-  // Shut the door and wait for those inside; a helper that never came is not waited for.
+  // Shut the door and wait for the helpers inside. A helper that has not entered is not waited for.
   std::uint64_t now = door_.fetch_and(~kOpen, std::memory_order_acq_rel) & ~kOpen;
   for (int looks = 0; now % kLoop != 0; now = door_.load(std::memory_order_acquire)) {
     if (++looks < kLooks) {

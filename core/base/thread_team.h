@@ -1,4 +1,4 @@
-// A team of threads for one caller's loops, with results that do not depend on how many there are.
+// Threads for the loops of one caller. Results do not depend on the number of threads.
 #pragma once
 
 #include <atomic>
@@ -10,13 +10,13 @@
 namespace planish {
 
 // The calling thread and `size - 1` helpers. Loops are cut into chunks of a fixed size, whatever the size of the team,
-// and each chunk is one thread's: a loop whose chunks do not read what another one writes gives the same bits with any
-// team. Helpers look out for work for some microseconds after each loop, then sleep.
+// and one thread runs each chunk. So a loop whose chunks do not read what others write gives the same bits with any
+// team. Helpers poll for some microseconds after each loop, then sleep.
 //
 // One thread at a time may use a team. Bodies must not throw and must not use the team themselves.
 class ThreadTeam {
  public:
-  // Iterations of a chunk: at most some milliseconds of work on a mesh, and enough to be worth a thread.
+  // Iterations of a chunk: at most some milliseconds of work on a mesh, and enough to pay for a thread.
   static constexpr std::int64_t kChunk = 4096;
 
   // size >= 1.
@@ -44,7 +44,7 @@ class ThreadTeam {
     }
   }
 
-  // each(i) for every i of [0, n), a chunk of them after one another.
+  // each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
   template <typename Each>
   void ForEach(std::int64_t n, const Each& each, std::int64_t chunk_size = kChunk) {
     For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
@@ -52,7 +52,7 @@ class ThreadTeam {
     });
   }
 
-  // For(), and task() beside it: one thread's, taken up first. It must not write what the chunks read.
+  // For(), while one thread also runs task(), which starts first. `task` must not write what the chunks read.
   template <typename Body, typename Task>
   void ForBeside(const Task& task, std::int64_t n, std::int64_t chunk_size, const Body& body) {
     For(1 + (n + chunk_size - 1) / chunk_size, 1, [&](std::int64_t item, std::int64_t) {
@@ -62,7 +62,7 @@ class ThreadTeam {
     });
   }
 
-  // The results of body(begin, end) for every chunk, in order. Result() stands for chunks that a body left out.
+  // The results of body(begin, end) for every chunk, in order.
   template <typename Result, typename Body>
   std::vector<Result> Collect(std::int64_t n, std::int64_t chunk_size, const Body& body) {
     std::vector<Result> results(static_cast<std::size_t>((n + chunk_size - 1) / chunk_size));
@@ -90,19 +90,19 @@ class ThreadTeam {
 
   std::vector<std::thread> helpers_;
 
-  // The present loop. Written by the caller while `door_` is shut and nobody is inside.
+  // The current loop. The caller writes it while `door_` is shut and no helper is inside.
   ChunkFunction function_ = nullptr;
   const void* context_ = nullptr;
   std::int64_t chunks_ = 0;
   alignas(64) std::atomic<std::int64_t> next_chunk_ = 0;
-  // The loop's number times kLoop, kOpen while helpers may still join in, and the number of those inside.
+  // The loop's number times kLoop, plus kOpen while helpers may enter, plus the number of helpers inside.
   alignas(64) std::atomic<std::uint64_t> door_ = 0;
-  // What sleeping helpers wait on: changes with every loop.
+  // Sleeping helpers wait for this to change; every loop changes it.
   alignas(64) std::atomic<std::uint32_t> bell_ = 0;
   std::atomic<bool> ending_ = false;
 };
 
-// A team of nobody but the calling thread; every thread has its own.
+// A team of only the calling thread; every thread has its own.
 ThreadTeam& Alone();
 
 }  // namespace planish

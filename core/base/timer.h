@@ -8,7 +8,7 @@ namespace planish {
 class Timer {
  public:
   double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-  // Seconds so far, and starts over.
+  // Returns the seconds so far and starts over.
   double Restart() {
     const double seconds = Seconds();
     start_ = std::chrono::steady_clock::now();

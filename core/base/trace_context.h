@@ -1,5 +1,5 @@
-// W3C Trace Context, level 1 (https://www.w3.org/TR/trace-context-1/): the header "traceparent", by which one request
-// can be followed through programs and logs.
+// W3C Trace Context, level 1 (https://www.w3.org/TR/trace-context-1/): the header "traceparent", which identifies a
+// request across programs and logs.
 #pragma once
 
 #include <cstdint>
@@ -9,20 +9,20 @@
 
 namespace planish {
 
-// 64 random bits, from wherever the caller has them.
+// Returns 64 random bits.
 using RandomBits = std::function<std::uint64_t()>;
 
-// `header` as version 00, "00-TRACE-SPAN-FLAGS" with 32, 16 and 2 lower-case hex digits; "" if it is malformed, its
-// version is ff, or an id is all zeros. Anything that a later version appends is cut off, as the standard demands.
+// `header` as version 00, "00-TRACE-SPAN-FLAGS" with 32, 16 and 2 lower-case hex digits. "" if it is malformed, its
+// version is ff, or an id is all zeros. Cuts off what later versions append, as the standard demands.
 std::string ParseTraceparent(std::string_view header);
 
-// The 32 digits of the trace's id in a valid traceparent; "" for any other text.
+// The 32 digits of the trace id in a valid traceparent; "" for any other text.
 std::string_view TraceIdOf(std::string_view traceparent);
 
 // A new trace, sampled.
 std::string NewTraceparent(const RandomBits& random);
 
-// The same trace with a new span's id. `parent` must be valid.
+// The same trace with a new span id. `parent` must be valid.
 std::string ChildTraceparent(std::string_view parent, const RandomBits& random);
 
 }  // namespace planish

@@ -22,7 +22,7 @@ void Gluing::Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued) {
     const HalfedgeHandle after = After(h);
     if (mesh().opposite_halfedge_handle(h) != after) return;
     const HalfedgeHandle before = Before(h), next = After(after);
-    // Three or four edges would leave one or two.
+    // Zipping an outline of three or four edges would leave one or two.
     if (next == before || After(next) == before) return;
     Glue(h);
     if (glued != nullptr) glued->push_back(h);
@@ -32,13 +32,13 @@ void Gluing::Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued) {
 
 namespace {
 
-// The disc that outline half-edge h borders on; -1: none, or its own.
+// The disc across outline half-edge h; -1 if there is none, or if it is h's own disc.
 std::int32_t Neighbour(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h) {
   const std::int32_t f = gluing.surface().face_across(h);
   return f < 0 || disc[f] == disc[gluing.mesh().face_handle(h).idx()] ? -1 : disc[f];
 }
 
-// Whether outline half-edge `next`, which comes after h, goes on with the same border.
+// Whether outline half-edge `next`, which follows h, belongs to the same border.
 bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h, HalfedgeHandle next) {
   const std::int32_t other = Neighbour(gluing, disc, h);
   return other >= 0 && Neighbour(gluing, disc, next) == other &&
@@ -127,7 +127,7 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
 
 std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
   GluedBorder border;
-  // What is next to the border on the outlines, before it is glued.
+  // Lists the half-edges of the border before they are glued.
   HalfedgeHandle h = first;
   const HalfedgeHandle before = gluing->Before(h);
   for (std::int32_t i = 0; i < edges; ++i, h = gluing->After(h)) border.glued.push_back(h);

@@ -1,8 +1,8 @@
-// Discs made of faces: which edges of a surface are glued, and the way along a disc's outline.
+// Discs made of faces: which edges of a surface are glued, and walks along a disc's outline.
 //
-// Every piece is a disc at any time. Two discs glued along one connected border are a disc again, and so is one that is
-// zipped up from the end of a slit. Nothing else is ever glued, so closed surfaces, handles, holes and one-sided
-// surfaces need no cases of their own: they end as discs with seams in the right places.
+// Every piece is a disc at any time. Two discs glued along one connected border are a disc again, and so is a disc that
+// is zipped up from the end of a slit. Nothing else is ever glued, so closed surfaces, handles, holes and one-sided
+// surfaces need no special cases: they become discs with seams in the right places.
 #pragma once
 
 #include <array>
@@ -17,15 +17,15 @@
 
 namespace planish {
 
-// Half-edges have a face, here and in all that goes along outlines. Links for the walks of core/mesh/half_edges.h.
+// Half-edges have a face, here and in all functions on outlines. Links for the walks of core/mesh/half_edges.h.
 class Gluing {
  public:
-  // Every face by itself. `surface` must outlive this.
+  // Initially no edge is glued. `surface` must outlive this.
   explicit Gluing(const Surface& surface);
 
   const Surface& surface() const { return *surface_; }
   const TriMesh& mesh() const { return *surface_->mesh; }
-  // Whether the half-edge is on an outline: not glued to the one across.
+  // Whether the half-edge is on an outline: not glued to its opposite.
   bool IsOutline(HalfedgeHandle h) const { return !is_glued_[h.idx() / 2]; }
   // Whether all edges at a vertex are glued, so that the vertex lies inside of a disc.
   bool IsInside(VertexHandle v) const { return open_edges_[v.idx()] == 0; }
@@ -33,26 +33,26 @@ class Gluing {
   using HalfEdge = HalfedgeHandle;
   HalfedgeHandle Next(HalfedgeHandle h) const { return mesh().next_halfedge_handle(h); }
   HalfedgeHandle Prev(HalfedgeHandle h) const { return mesh().prev_halfedge_handle(h); }
-  // The half-edge that h is glued to; invalid on an outline.
+  // The half-edge glued to h; invalid on an outline.
   HalfedgeHandle Across(HalfedgeHandle h) const {
     return IsOutline(h) ? HalfedgeHandle() : mesh().opposite_halfedge_handle(h);
   }
   static bool IsValid(HalfedgeHandle h) { return h.is_valid(); }
 
-  // The outline half-edge that starts where outline half-edge h ends, and the one that ends where it starts.
+  // The outline half-edge that starts where outline half-edge h ends, and the one that ends where h starts.
   HalfedgeHandle After(HalfedgeHandle h) const { return NextOnBoundary(*this, h); }
   HalfedgeHandle Before(HalfedgeHandle h) const { return PreviousOnBoundary(*this, h); }
 
   // Sum of the angles of the faces round the vertex where outline half-edge h ends, radians.
   double OutlineAngle(HalfedgeHandle h) const;
 
-  // Glues h, which must have a face across, to the half-edge there.
+  // Glues h to its opposite, which must have a face.
   void Glue(HalfedgeHandle h) { SetGlued(h, 1); }
   void Unglue(HalfedgeHandle h) { SetGlued(h, 0); }
 
-  // Glues outline half-edges h and After(h) if they are the two sides of one edge, and goes on with what is then next
-  // to each other; leaves an outline of at least three edges. Those glued are appended to `glued` (null: nowhere), one
-  // of each pair.
+  // If outline half-edges h and After(h) are the two sides of one edge, glues them, and continues with the half-edges
+  // that are then adjacent; leaves an outline of at least three edges. Appends one half-edge of each glued pair to
+  // `glued`, unless null.
   void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued = nullptr);
 
  private:
@@ -64,53 +64,53 @@ class Gluing {
 
   const Surface* surface_;
   std::vector<char> is_glued_;            // per edge
-  std::vector<std::int32_t> open_edges_;  // per vertex: of its edges, those that are not glued
+  std::vector<std::int32_t> open_edges_;  // per vertex: the number of its edges that are not glued
 };
 
-// The mesh of a chart, these faces (ascending) of one of the discs: face i is faces[i]. Its vertices are numbered in
-// the order of their lowest corners. `slits` gets the corners that face the same edge of the surface from either side
-// of a slit, where the chart's outline meets itself: pairs, ascending. `place`, per face of the surface, gets the
-// number of each face in the chart; what is there for other faces does not matter. O(n) in the faces.
+// The mesh of a chart, which is these faces (ascending) of one of the discs: face i is faces[i]. Vertices are numbered
+// in the order of their lowest corners. `slits` gets pairs of corners, ascending, that face the same edge of the
+// surface from both sides of a slit, where the chart's outline meets itself. `place`, per face of the surface, gets the
+// index of each face in the chart; entries of other faces are not used. O(n) in the faces.
 FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces, std::vector<std::int32_t>* place,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 
-// ---- Where two discs may be glued: borders, along which their outlines lie on each other.
+// ---- Borders: where the outlines of two discs coincide, so that they may be glued.
 
-// The first of these faces' half-edges that is on an outline; invalid if none is.
+// The first half-edge of these faces on an outline; invalid if there is none.
 HalfedgeHandle FirstOnOutline(const Gluing& gluing, const std::vector<std::int32_t>& faces);
 
-// The outline of a disc, from one of its half-edges on.
+// The outline of a disc, beginning with one of its half-edges.
 std::vector<HalfedgeHandle> OutlineFrom(const Gluing& gluing, HalfedgeHandle start);
 
-// A connected run of edges that the outlines of two discs share, as long as it goes.
+// A maximal connected run of edges that the outlines of two discs share.
 struct Border {
-  std::span<const HalfedgeHandle> half_edges;  // of the outline that was walked, in its order
+  std::span<const HalfedgeHandle> half_edges;  // on the outline of the first disc, in its order
   std::int32_t other = -1;                     // the disc across
 };
 
-// All borders along the outline of a disc, in its order; none where two discs make a sphere. The outline is made to
-// begin where a border does. `disc`: per face.
+// All borders along the outline of a disc, in its order; none if two discs form a sphere. Rotates `outline` so that it
+// begins with a border. `disc`: per face.
 std::vector<Border> BordersAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
                                  std::vector<HalfedgeHandle>* outline);
 
-// The border that an outline half-edge is on, from its beginning to its end; none if the half-edge borders on no other
-// disc, or if the two discs make a sphere.
+// The whole border that an outline half-edge is on; empty if there is no other disc across, or if the two discs form a
+// sphere.
 std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vector<std::int32_t>& disc,
                                           HalfedgeHandle h);
 
-// What gluing two discs along a border has done.
+// The result of gluing two discs along a border.
 struct GluedBorder {
   std::vector<HalfedgeHandle> glued;   // one of each pair
-  std::array<HalfedgeHandle, 2> ends;  // of either disc: what came before the border on its outline
+  std::array<HalfedgeHandle, 2> ends;  // of either disc: the half-edge before the border on its outline
 
   void Undo(Gluing* gluing) const {
     for (const HalfedgeHandle h : glued) gluing->Unglue(h);
   }
 };
 
-// Glues `edges` half-edges of an outline, from `first` on, to those across, and zips up what is then next to each
-// other. Leaves everything as it was, and returns nothing, if a vertex of the outline would open wider than `widest`,
-// radians. The two outlines must have three edges or more beside the border.
+// Glues `edges` half-edges of an outline, from `first` on, to their opposites, and zips up the half-edges that are then
+// adjacent. Changes nothing, and returns nothing, if the angle at a vertex of the outline would exceed `widest`,
+// radians. Both outlines must have three or more edges beside the border.
 std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing);
 
 }  // namespace planish

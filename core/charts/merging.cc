@@ -17,19 +17,19 @@ namespace {
 
 constexpr double kScoreUnit = 1e-6;
 constexpr std::int32_t kReportStride = 256;  // discs or joints
-constexpr double kFirstEstimates = 0.2;      // part of the time
-constexpr double kNearLimit = 0.999;         // of the last limit of stretch: a step that comes nearer is left out
+constexpr double kFirstEstimates = 0.2;      // of the time
+constexpr double kNearLimit = 0.999;  // a step of the limit that comes nearer to the last limit than this is skipped
 
 struct Disc {
-  std::vector<std::int32_t> faces;     // none: glued to another one
-  std::vector<std::int32_t> interior;  // vertices inside
+  std::vector<std::int32_t> faces;     // empty: merged into another disc
+  std::vector<std::int32_t> interior;  // vertices inside the disc
   double perimeter = 0;
   StretchEstimate::Sums sums;
-  std::size_t estimated = 0;  // faces when it was last solved for as a whole
-  std::size_t walked = 0;     // faces when joints along the whole outline were last queued
+  std::size_t estimated = 0;  // number of faces at its last full estimate
+  std::size_t walked = 0;     // number of faces when joints along the whole outline were last queued
   HalfedgeHandle outline;     // one half-edge of it
   std::int32_t outline_edges = 0;
-  std::int32_t version = 0;  // joints of an older one are replaced by newer ones, or by none
+  std::int32_t version = 0;  // queued joints of an older version are obsolete
 
   double Compactness() const { return 4 * std::numbers::pi * sums.area / (perimeter * perimeter); }
 };
@@ -37,7 +37,7 @@ struct Disc {
 // A border at which two discs may be glued.
 struct Joint {
   std::int64_t score;
-  std::int32_t corner;   // that faces `first`
+  std::int32_t corner;   // the corner that faces `first`
   HalfedgeHandle first;  // of `disc`, followed by `edges` - 1 more
   std::int32_t edges;
   std::int32_t disc, other;
@@ -77,7 +77,8 @@ class Merging {
       WalkOutline(d);
       if (d % kReportStride == 0) execution.Report(kFirstEstimates * d / count);
     }
-    // At a higher limit at once, discs take what borders most on them, whatever it costs in stretch, and end up more.
+    // With a high limit at once, discs would join the neighbours with the longest borders, whatever stretch that costs,
+    // and more discs would remain.
     const double most = max_stretch_;
     for (double above = tuning_.first_stretch; above < kNearLimit * (most - 1); above *= tuning_.stretch_growth) {
       max_stretch_ = 1 + above;
@@ -93,13 +94,13 @@ class Merging {
   std::vector<float> TakeKept() { return estimate_.TakeKept(); }
 
  private:
-  // Glues discs as long as the present limit of stretch allows that.
+  // Glues discs as long as the current limit of stretch allows it.
   void Merge(const Execution& execution) {
     const auto count = static_cast<std::int32_t>(discs_.size());
     for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {
       if (!discs_[d].faces.empty()) PushJoints(d, false);
     }
-    // Joints come and go, but the queue is empty in the end.
+    // Joints are added and removed, but finally the queue is empty.
     std::int64_t looked_at = 0;
     const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
     while (!queue_.empty() && goes_on()) {
@@ -112,7 +113,7 @@ class Merging {
         }
         if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
         if (!gluing_.IsOutline(joint.first)) continue;
-        // The discs may have grown elsewhere since: the joint is looked at again, and waits if it is worth less now.
+        // The discs may have grown since: the joint is evaluated again, and queued again if it is worth less now.
         const std::optional<Joint> now = JointAt(joint.first);
         if (!now) continue;
         if (now->score < joint.score || now->edges != joint.edges) {
@@ -121,7 +122,7 @@ class Merging {
           TryJoint(*now);
         }
       }
-      // What must not be joined when it was looked at may be joined to what the disc has become.
+      // Joints that were refused may be possible now that the disc has grown.
       for (std::int32_t d = 0; d < count && goes_on(); ++d) {
         if (discs_[d].faces.size() <= discs_[d].walked) continue;
         ++discs_[d].version;
@@ -135,7 +136,7 @@ class Merging {
     return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
   }
 
-  // Outline of disc d to walk_; its numbers.
+  // Stores the outline of disc d in walk_.
   void WalkOutline(std::int32_t d) {
     Disc& disc = discs_[d];
     const bool is_known = disc.outline.is_valid() && gluing_.IsOutline(disc.outline);
@@ -146,7 +147,7 @@ class Merging {
     disc.outline_edges = static_cast<std::int32_t>(walk_.size());
   }
 
-  // The joint of discs d and other along this border on the outline of d; none if they must not be joined there.
+  // The joint of discs d and `other` along this border on the outline of d; nothing if they must not be joined there.
   std::optional<Joint> JointAlong(std::span<const HalfedgeHandle> border, std::int32_t d, std::int32_t other) const {
     const auto edges = static_cast<std::int32_t>(border.size());
     const Disc &one = discs_[d], &two = discs_[other];
@@ -168,14 +169,14 @@ class Merging {
         std::llround(score / kScoreUnit), CornerOf(mesh_, first), first, edges, d, other, one.version, two.version};
   }
 
-  // The joint along the whole border that an outline half-edge is on.
+  // The joint along the whole border of an outline half-edge.
   std::optional<Joint> JointAt(HalfedgeHandle h) {
     walk_ = BorderThrough(gluing_, disc_of_, h);
     if (walk_.empty()) return std::nullopt;
     return JointAlong(walk_, disc_of_[mesh_.face_handle(h).idx()], disc_of_[surface_.face_across(h)]);
   }
 
-  // Queues what borders on disc d; unless `all`, only on discs of higher numbers.
+  // Queues the joints of disc d; unless `all`, only those with discs of higher numbers.
   void PushJoints(std::int32_t d, bool all) {
     WalkOutline(d);
     discs_[d].walked = discs_[d].faces.size();
@@ -185,7 +186,7 @@ class Merging {
     }
   }
 
-  // Queues what borders on these faces of a disc.
+  // Queues the joints next to these faces of a disc.
   void PushJointsNear(const std::vector<std::int32_t>& faces) {
     near_.clear();
     for (const std::int32_t f : faces) {
@@ -198,7 +199,7 @@ class Merging {
     }
   }
 
-  // Whether the two are no larger than when they could not be joined, or not by much.
+  // Whether the two could not be joined before, and have hardly grown since.
   bool HasFailed(const Joint& joint) const {
     const auto it = failed_.find({std::min(joint.disc, joint.other), std::max(joint.disc, joint.other)});
     const std::size_t faces = discs_[joint.disc].faces.size() + discs_[joint.other].faces.size();
@@ -206,7 +207,7 @@ class Merging {
            static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
   }
 
-  // The vertices on a joint that are inside of a disc now.
+  // The vertices on a joint that are now inside of a disc.
   std::vector<std::int32_t> InteriorOf(const GluedBorder& border) const {
     std::vector<std::int32_t> interior;
     for (const HalfedgeHandle h : border.glued) {
@@ -219,13 +220,13 @@ class Merging {
     return interior;
   }
 
-  // Whether two discs are too much alike for StretchEstimate::Joined().
+  // Whether the sizes of the discs are too similar for StretchEstimate::Joined().
   bool IsWhole(const Disc& large, const Disc& small) const {
     return large.faces.size() <= static_cast<std::size_t>(tuning_.estimate_reach) * small.faces.size();
   }
 
-  // Of both, which have just been glued together. So that all estimates take O(F log F) in the number of faces, what a
-  // small disc changes in a large one is looked at next to the small one only, until the large one has grown.
+  // The stretch of two discs that have just been glued. So that all estimates together take O(F log F), the effect of a
+  // small disc on a large one is estimated only near the small one, until the large one has grown.
   StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint) {
     const double area = large->sums.area + small.sums.area;
     if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area);
@@ -280,7 +281,7 @@ class Merging {
     PushJoints(to, true);
   }
 
-  double max_stretch_;  // at present
+  double max_stretch_;  // the current limit
   const AtlasTuning& tuning_;
   const Surface& surface_;
   const TriMesh& mesh_;
@@ -291,7 +292,7 @@ class Merging {
   std::priority_queue<Joint> queue_;
   std::vector<HalfedgeHandle> walk_;  // an outline, or a border
   std::unordered_set<int> near_;      // half-edges of PushJointsNear() whose joints are queued
-  // Faces of two discs when they could not be joined for stretch, by their numbers.
+  // Faces of pairs of discs whose joining failed for stretch, by their numbers.
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
 
@@ -301,7 +302,7 @@ void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::
   const Surface& surface = gluing->surface();
   const TriMesh& mesh = *surface.mesh;
   std::vector<std::int32_t> order;
-  // A face and those it must not be parted from.
+  // Adds a face and the faces that must not be separated from it.
   const auto reach = [&](std::int32_t first) {
     (*seen)[first] = 1;
     order.push_back(first);
@@ -315,7 +316,7 @@ void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::
       }
     }
   };
-  // A spanning tree of its faces, nearest first, makes a disc of it; then its slits are zipped up.
+  // A spanning tree of the faces, nearest first, makes them a disc; then its slits are zipped up.
   reach(start);
   for (std::size_t i = 0; i < order.size(); ++i) {
     for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(order[i]))) {

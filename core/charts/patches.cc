@@ -9,10 +9,10 @@ namespace planish {
 namespace {
 
 // Costs are rounded to this. With 2e-6, 1e-5 and 3e-5 six scans have 4,248, 4,424 and 4,248 charts at ten settings and
-// fill 0.805, 0.805 and 0.806 of the texture in the mean.
+// fill 0.805, 0.805 and 0.806 of the texture on average.
 constexpr double kCostUnit = 3e-5;
 
-// An edge between two patches, which have faces f and g.
+// An edge between the patches of faces f and g.
 struct BorderEdge {
   std::int32_t f, g;
 };
@@ -23,7 +23,7 @@ struct Patch {
   double length;  // of `normal`
 };
 
-// What it costs to join two patches, in units of kCostUnit; more than `most` if they should stay apart.
+// The cost of joining two patches, in units of kCostUnit; more than `most` if they should stay apart.
 std::int64_t Cost(const Patch& one, const Patch& other, std::int64_t most, const AtlasTuning& tuning) {
   const double area = one.area + other.area;
   if (!(area > 0)) return 0;
@@ -52,7 +52,7 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
     shape[a].length = shape[a].normal.norm();
   };
   const std::int64_t most = std::llround(tuning.patch_deviation / kCostUnit);
-  // By cost; those of one cost in the order in which they came to have it.
+  // By cost; first in, first out within a cost.
   std::vector<std::vector<BorderEdge>> edges(most + 1);
   for (const EdgeHandle e : surface.mesh->edges()) {
     const HalfedgeHandle h = surface.mesh->halfedge_handle(e, 0);

@@ -4,7 +4,7 @@
 
 namespace planish {
 
-// Rows of a triangle of -A times a vector, asked for in turn: ascending or descending.
+// Products of a vector with the rows of a triangle of -A, computed in ascending or descending order.
 class PoissonSolver::Products {
  public:
   static Products Ascending(const Triangle& triangle) { return Products(triangle, 0, 1); }
@@ -39,9 +39,9 @@ void PoissonSolver::Start(std::int32_t n) {
   for (std::vector<double>* numbers : {&diagonal_, &b_, &u_}) numbers->resize(n);
 }
 
-// With A = D - L - L^t and D' = D / omega the preconditioner is M = (D' - L) D'^-1 (D' - L^t), up to a factor.
-// Conjugate gradients go on with (D' - L)^-1 A (D' - L^t)^-1 in the place of A, and D'^-1 in that of M. That matrix
-// takes p to t + (D' - L)^-1 (p + (D - 2 D') t), where t = (D' - L^t)^-1 p is also what u changes by.
+// With A = D - L - L^t and D' = D / omega, the preconditioner is M = (D' - L) D'^-1 (D' - L^t), up to a factor.
+// Conjugate gradients run with (D' - L)^-1 A (D' - L^t)^-1 in place of A, and D'^-1 in place of M. That matrix maps p
+// to t + (D' - L)^-1 (p + (D - 2 D') t), where t = (D' - L^t)^-1 p is also the change of u.
 void PoissonSolver::Solve(double tolerance, int most_iterations) {
   constexpr double kOmega = 1.3;  // 1.2 to 1.4 take the fewest iterations
   const std::int32_t n = size_;
@@ -50,7 +50,7 @@ void PoissonSolver::Solve(double tolerance, int most_iterations) {
   for (std::vector<double>* numbers : {&residual_, &step_, &product_}) numbers->assign(n, 0.0);
   double norm = 0, rho = 0;
   {
-    // (D' - L)^-1 (b - A u), and (D' - L)^-1 b as `product_`.
+    // Computes (D' - L)^-1 (b - A u), and (D' - L)^-1 b in `product_`.
     Products lower = Products::Ascending(lower_), upper = Products::Ascending(upper_);
     Products of_residual = lower, of_b = lower;
     for (std::int32_t i = 0; i < n; ++i) {

@@ -1,4 +1,4 @@
-// Poisson equations on small discs, as StretchEstimate has them by the thousand: solved roughly, at little cost.
+// Solves Poisson equations on small discs roughly and cheaply; StretchEstimate has thousands of them.
 #pragma once
 
 #include <array>
@@ -7,28 +7,28 @@
 
 namespace planish {
 
-// A u = b for a symmetric positive definite matrix A that has the entries -weight between neighbours: by conjugate
+// Solves A u = b for a symmetric positive definite matrix A with the entries -weight between neighbours, by conjugate
 // gradients preconditioned with symmetric successive over-relaxation (SSOR), where an iteration costs one product with
-// A (Eisenstat 1981). Takes four tenths of the iterations that the diagonal alone does, for less than twice the work of
+// A (Eisenstat 1981). Takes four tenths of the iterations of Jacobi preconditioning, at less than twice the work of
 // each. Not thread-safe.
 class PoissonSolver {
  public:
-  // Starts a new equation, of at most n unknowns.
+  // Starts a new equation with at most n unknowns.
   void Start(std::int32_t n);
-  // Adds row i, the number of calls since Start(): A_ii = diagonal > 0, and where the iteration starts.
-  // `neighbours(add)` calls add(j, weight) once for each j with A_ij = -weight, and returns b_i.
+  // Adds the next row i: A_ii = diagonal > 0, and the start value of u_i. `neighbours(add)` calls add(j, weight) once
+  // for each j with A_ij = -weight, and returns b_i.
   template <typename Neighbours>
   void AddRow(double diagonal, double start, const Neighbours& neighbours);
-  // Once after each Start(): until the residual r is less than `tolerance` of b, both as the root of r^t M^-1 r for the
-  // preconditioner M.
+  // Call once after each Start(). Iterates until the residual r is less than `tolerance` times b, both measured as the
+  // root of r^t M^-1 r with the preconditioner M.
   void Solve(double tolerance, int most_iterations);
 
   // The solution, per row.
   const std::vector<double>& solution() const { return u_; }
 
  private:
-  // One triangle of A. Most rows have no more than a few entries on either side of the diagonal: those are in `rows`,
-  // filled up with zeros, since loops of various lengths cost more than these. What is over follows in `more`.
+  // One triangle of A. Most rows have only a few entries on either side of the diagonal: these are in `rows`, padded
+  // with zeros, since loops of varying length cost more. Further entries are in `more`.
   struct Triangle {
     static constexpr int kWidth = 4;
     struct Row {
@@ -40,7 +40,7 @@ class PoissonSolver {
       double weight;
     };
     std::vector<Row> rows;
-    std::vector<Entry> more;  // by rows, ascending
+    std::vector<Entry> more;  // in the order of rows
   };
   class Products;
 

@@ -10,9 +10,9 @@ namespace {
 
 constexpr double kTurnUnit = 1e-6;  // of cosines, so that rigid motion changes nothing
 
-// Those that come first are joined first.
+// Pairs are joined in ascending order.
 struct NewPair {
-  std::int32_t faces;  // of the smaller one of the two charts
+  std::int32_t faces;  // of the smaller of the two charts
   std::int64_t bend;   // 0: flat, growing up to folded
   std::int32_t first, second;
 
@@ -29,7 +29,7 @@ std::vector<std::array<std::int32_t, 2>> PairsToRejoin(const Gluing& gluing, con
     if (i >= std::ssize(chart_faces)) chart_faces.resize(i + 1, 0);
     if (i >= 0) ++chart_faces[i];
   }
-  // Vertices of the surface are those of fans: the same vertex of the mesh has several.
+  // Compares vertices by source, since a vertex of the mesh may have several fans.
   const auto source = [&](VertexHandle v) { return mesh.data(v).source; };
   const auto may_pair = [&](std::int32_t c, std::int32_t d) {
     const HalfedgeHandle h = HalfEdgeOf(mesh, c), g = HalfEdgeOf(mesh, d);

@@ -8,8 +8,8 @@
 namespace planish {
 namespace {
 
-// Whether an edge is the diagonal of what was likely a quad: the longest edge of both faces, which lie nearly in a
-// plane, with corners that are nearly right angles.
+// Whether an edge is probably the diagonal of a quad: the longest edge of both faces, which are nearly coplanar and
+// form corners of nearly right angles.
 bool IsLikelyDiagonal(const Surface& surface, HalfedgeHandle h) {
   constexpr double kFlat = 0.9, kLeast = 1.1, kMost = 2.05;  // a cosine; radians
   const TriMesh& mesh = *surface.mesh;
@@ -17,7 +17,7 @@ bool IsLikelyDiagonal(const Surface& surface, HalfedgeHandle h) {
   if (surface.bend_cosine(h) < kFlat) return false;
   const auto angle = [&](HalfedgeHandle facing) { return surface.angle[facing.idx()]; };
   const auto is_right = [&](double a) { return a > kLeast && a < kMost; };
-  // The corners at the ends of the diagonal have an angle in either face, faced by these half-edges.
+  // The corners at the ends of the diagonal have an angle in either face; these half-edges face them.
   const HalfedgeHandle a = mesh.next_halfedge_handle(h), b = mesh.prev_halfedge_handle(h);
   const HalfedgeHandle c = mesh.next_halfedge_handle(o), d = mesh.prev_halfedge_handle(o);
   return is_right(angle(h)) && is_right(angle(o)) && is_right(angle(a) + angle(d)) && is_right(angle(b) + angle(c));

@@ -6,12 +6,12 @@
 namespace planish {
 namespace {
 
-// Of a seam there.
+// The cost of a seam at this edge.
 double Cost(const Surface& surface, const AtlasTuning& tuning, HalfedgeHandle h) {
   return surface.length(h) * (1 - (1 - tuning.smoothing_sharp_cost) * std::clamp(1 - surface.bend_cosine(h), 0.0, 1.0));
 }
 
-// The one half-edge of a face that is glued; invalid if there are more, or none.
+// The single glued half-edge of a face; invalid if there are none or more.
 HalfedgeHandle OnlyGlued(const Gluing& gluing, std::int32_t f) {
   HalfedgeHandle only;
   for (const HalfedgeHandle h : HalfEdgesOf(gluing.mesh(), FaceHandle(f))) {
@@ -22,14 +22,14 @@ HalfedgeHandle OnlyGlued(const Gluing& gluing, std::int32_t f) {
   return only;
 }
 
-// Hands a face over to the disc across, if that makes the seam shorter. Returns whether it has.
+// Moves a face to the disc across, if that shortens the seam. Returns whether it did.
 bool Move(std::int32_t f, const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart) {
   constexpr double kGain = 1e-6;
   const Surface& surface = gluing->surface();
   const TriMesh& mesh = gluing->mesh();
   const HalfedgeHandle glued = OnlyGlued(*gluing, f);
   if (!glued.is_valid() || surface.is_uncut(glued)) return false;
-  // Along the outline: `first`, then `second`; on the other side `after` follows `before`.
+  // On the outline `second` follows `first`; on the other side `after` follows `before`.
   const HalfedgeHandle first = gluing->Next(glued), second = gluing->Prev(glued);
   const HalfedgeHandle before = mesh.opposite_halfedge_handle(second), after = mesh.opposite_halfedge_handle(first);
   const std::int32_t to = surface.face_across(second);
@@ -50,7 +50,7 @@ bool Move(std::int32_t f, const AtlasTuning& tuning, Gluing* gluing, std::vector
     return false;
   }
   (*chart)[f] = (*chart)[to];
-  // Next to the end of a slit its sides may have come together.
+  // At the end of a slit its two sides may have met.
   if ((*chart)[neighbour] == (*chart)[f]) {
     gluing->Zip(glued);
     if (gluing->IsOutline(previous)) gluing->Zip(previous);

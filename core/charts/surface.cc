@@ -36,7 +36,7 @@ bool IsDiagonal(const GivenSeams& seams, const std::vector<std::int32_t>& opposi
   return !seams.polygon.empty() && opposite[c] >= 0 && seams.polygon[c / 3] == seams.polygon[opposite[c] / 3];
 }
 
-// Polygons are never cut: OPTIONS_INVALID if a given seam is a diagonal.
+// OPTIONS_INVALID if a given seam is a diagonal, as polygons are never cut.
 absl::Status CheckSeamsAgainstPolygons(const GivenSeams& seams, const std::vector<std::int32_t>& opposite) {
   for (const std::int32_t c : seams.corners) {
     if (!IsDiagonal(seams, opposite, c)) continue;
@@ -48,8 +48,8 @@ absl::Status CheckSeamsAgainstPolygons(const GivenSeams& seams, const std::vecto
   return absl::OkStatus();
 }
 
-// Parts half-edges at given seams and where two faces may not be neighbours. Keeps edges of more than two faces for
-// Rejoin(), without the half-edges that a given seam has parted.
+// Separates half-edges at given seams and where two faces may not be neighbours. Stores edges of more than two faces
+// for Rejoin(), without half-edges at given seams.
 void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
          std::vector<std::vector<std::int32_t>>* crowded_edges) {
   std::vector<std::int32_t>& opposite = pairing->opposite;
@@ -68,7 +68,8 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
   }
   if (surface.hard_cosine < -1 && seams.kind.empty() && seams.part.empty()) return;
   std::vector<char> is_uncut(opposite.size(), 0);
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) is_uncut[c] = IsDiagonal(seams, opposite, c);
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c)
+    is_uncut[c] = IsDiagonal(seams, opposite, c);
   for (const std::int32_t c : seams.uncut_corners) {
     if (opposite[c] >= 0) is_uncut[c] = is_uncut[opposite[c]] = 1;
   }
@@ -82,7 +83,7 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
 
 }  // namespace
 
-// The normals of two neighbours may be further apart than the angle of a hard edge if one has no area.
+// If a face has no area, the normals of two neighbours may differ by more than the angle of a hard edge.
 bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
   if (!kind.empty() && kind[f] != kind[g]) return false;
   if (!part.empty() && part[f] != part[g]) return false;

@@ -46,7 +46,7 @@ absl::Status CheckEncodable(const Mesh& mesh) {
                             "out vertices without a face");
   }
   for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
-    // NaN and infinity are told to the caller by the mesh check, which sees all of them.
+    // The mesh check reports NaN and infinity: it lists all vertices that have them.
     const double largest = mesh.positions[v].array().isFinite().select(mesh.positions[v].array().abs(), 0.0).maxCoeff();
     if (static_cast<double>(static_cast<float>(largest)) > std::numeric_limits<float>::max()) {
       return InvalidDraco("MESH_POSITION_INVALID",
@@ -90,9 +90,10 @@ std::string OtherValues(const draco::Mesh& mesh, std::uint32_t point) {
   return values;
 }
 
-// Joins vertices again that an encoder had to split because it knows points only (one position, one normal, one UV
-// each) and another attribute has several values there. Vertices at the same position (to the bit) are joined if all of
-// them differ in another attribute; alike ones were kept apart on purpose, at a cut of the surface.
+// An encoder that knows only points (one position, normal and UV each) splits a vertex whose other attributes have
+// several values. Joins such vertices again: those at the same position (to the bit) that all differ in another
+// attribute. Vertices at the same position that are alike in everything were kept apart on purpose, at a cut of the
+// surface.
 void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   const std::int64_t vertices = mesh->num_vertices();
   const auto compare = [&](std::int32_t a, std::int32_t b) {
@@ -100,7 +101,7 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   };
   const std::vector<std::int32_t> order =
       SortedIndices(vertices, [&](std::int32_t a, std::int32_t b) { return compare(a, b) < 0; });
-  std::vector<std::int32_t> number = Indices(vertices);  // of the vertex that it is joined with, then of the new one
+  std::vector<std::int32_t> number = Indices(vertices);  // the vertex it is joined with, then its new number
   for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
     std::set<std::string> others;
     for (end = begin; end < vertices && compare(order[begin], order[end]) == 0; ++end) {
@@ -136,7 +137,7 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
     std::memcpy(point.data(), position->GetAddress(draco::AttributeValueIndex(v)), sizeof(point));
     mesh.positions[v] = Vec3(point[0], point[1], point[2]);
   }
-  // With a mapping of its own POSITION already is as its sender had it, cuts included.
+  // If POSITION has a mapping of its own, its values already are the sender's vertices.
   if (position->is_mapping_identity() && decoded.num_attributes() > 1 && position->size() == decoded.num_points()) {
     JoinSplitPoints(decoded, &mesh);
   }

@@ -11,13 +11,13 @@ namespace planish {
 namespace {
 
 constexpr std::string_view kDracoMagic = "DRACO";
-// Metadata and entries that are skipped; a file with more keeps its counts to itself.
+// Metadata and entries that are skipped. If there are more, the counts are unknown.
 constexpr int kMostMetadata = 100'000;
 constexpr std::uint16_t kOldestWithMetadata = DRACO_BITSTREAM_VERSION(1, 3);
-// From these versions on numbers are of variable length.
+// From these versions on, numbers have variable length.
 constexpr std::uint16_t kVarintSequential = DRACO_BITSTREAM_VERSION(2, 2);
 constexpr std::uint16_t kVarintEdgebreaker = DRACO_BITSTREAM_VERSION(2, 0);
-// Before it Edgebreaker data tell first how many points splits of vertices that are not manifold add.
+// Before this version, Edgebreaker data begins with the number of points that splitting non-manifold vertices adds.
 constexpr std::uint16_t kWithoutAddedPoints = DRACO_BITSTREAM_VERSION(2, 2);
 
 bool Skip(std::int64_t size, draco::DecoderBuffer* buffer) {
@@ -31,15 +31,15 @@ bool SkipName(draco::DecoderBuffer* buffer) {
   return buffer->Decode(&length) && Skip(length, buffer);
 }
 
-// A tree of metadata for every attribute that has some, after the number of the attribute, then one for the whole
-// geometry. Metadata within others follow these, outermost first: how deep they lie does not matter to where they end.
+// A metadata tree for every attribute that has one, each after the attribute's number, then one for the geometry.
+// Nested metadata follows its parent, so the depth does not matter for finding the end.
 bool SkipMetadata(draco::DecoderBuffer* buffer) {
   int skipped = 0;
   std::uint32_t attributes = 0, attribute = 0;
   if (!draco::DecodeVarint(&attributes, buffer)) return false;
   for (std::uint64_t tree = 0; tree <= attributes; ++tree) {
     if (tree < attributes && !draco::DecodeVarint(&attribute, buffer)) return false;
-    std::uint64_t left = 1;  // of the tree
+    std::uint64_t left = 1;  // metadata of the tree not skipped yet
     for (bool has_name = false; left > 0; --left, has_name = true) {
       std::uint32_t entries = 0, size = 0, within = 0;
       if (++skipped > kMostMetadata || (has_name && !SkipName(buffer))) return false;

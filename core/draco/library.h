@@ -1,4 +1,4 @@
-// What the codecs of this folder share: how the Draco library is called, and its errors. Not for other folders.
+// Shared by the codecs of this folder: calls of the Draco library and its errors. Not for other folders.
 #pragma once
 
 #include <cstdint>
@@ -25,32 +25,33 @@ absl::Status InvalidDraco(const std::string& reason, const std::string& message,
 // INVALID_ARGUMENT, MESH_DECODE_FAILED: `bytes` do not begin like Draco data.
 absl::Status NotDraco(std::string_view bytes);
 
-// Decodes a triangle mesh, of which nothing more is checked. With `keep_quantized`, quantized values stay integers and
-// carry how they were rounded. INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY. May throw what
-// CatchOutOfMemory() catches.
+// Decodes a triangle mesh, without further checks. With `keep_quantized`, quantized values stay integers and keep their
+// quantization parameters. INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY. May throw the exceptions
+// that CatchOutOfMemory() catches.
 absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, bool keep_quantized = false);
 
-// The points of all faces. INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: there is no such point.
+// The points of all faces. INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: a point does not exist.
 absl::StatusOr<std::vector<Face>> FacesOf(const draco::Mesh& mesh);
 
-// Whether every value lies within the attribute's bytes and every point has an entry: a decoder fed with hostile bytes
-// promises neither. The entries themselves may still be out of range.
+// Whether every value lies within the attribute's bytes and every point has an entry, which the decoder does not
+// guarantee for hostile bytes. Entries may still be out of range.
 bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points);
 
 // INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: "a face has the index V, ...".
 absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count);
 
-// That faces to be encoded are there, and within `count` points. INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE.
+// Checks that there are faces to encode, all within `count` points. INVALID_ARGUMENT: MESH_EMPTY,
+// MESH_INDEX_OUT_OF_RANGE.
 absl::Status CheckFaces(const std::vector<Face>& faces, std::int64_t count);
 
 // Gives `mesh` these faces.
 void SetFaces(const std::vector<Face>& faces, draco::Mesh* mesh);
 
-// Encodes faces and points in their order. `point_bytes`: of all values of a point that are not rounded.
+// Encodes faces and points in their order. `point_bytes` is the size of all values of a point that are not quantized.
 absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,
                                           draco::ExpertEncoder* encoder);
 
-// function(); RESOURCE_EXHAUSTED, OUT_OF_MEMORY, "not enough memory to <doing> the mesh", if memory ran out.
+// Returns function(), or RESOURCE_EXHAUSTED, OUT_OF_MEMORY, "not enough memory to <doing> the mesh" if memory runs out.
 template <typename Function>
 auto CatchOutOfMemory(const std::string& doing, const Function& function) -> decltype(function()) {
   const auto error = [&] {

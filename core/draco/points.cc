@@ -95,8 +95,8 @@ absl::StatusOr<DracoPoints> CheckAndDecode(const std::string& bytes, bool want_q
   return points;
 }
 
-// As text with all digits: SetAttributeExplicitQuantization keeps six decimals of its floats, so that values would come
-// back changed.
+// As text with all digits: SetAttributeExplicitQuantization keeps only six decimals of its floats, which would change
+// the values.
 draco::Options QuantizationOptions(const DracoAttribute& attribute) {
   draco::Options options;
   options.SetInt("quantization_bits", attribute.quantization_bits);
@@ -146,15 +146,15 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
 absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
   std::vector<bool> quantize;
   for (const DracoAttribute& attribute : points.attributes) quantize.push_back(attribute.quantization_bits > 0);
-  // What was rounded must come back as it is; where it does not, it is not rounded the next time.
+  // Quantized values must decode to the same values. Attributes that do not are not quantized in the next attempt.
   for (int attempt = 0; attempt < 3; ++attempt) {
     absl::StatusOr<std::string> bytes = Encode(points, quantize);
-    absl::StatusOr<DracoPoints> again;  // unless bytes.ok(), none
+    absl::StatusOr<DracoPoints> again;  // none if `bytes` is an error
     if (bytes.ok()) again = CheckAndDecode(*bytes, false);
     const bool has_all = again.ok() && again->faces == points.faces && !quantize.empty() &&
                          again->attributes.size() == points.attributes.size();
     bool is_kept = has_all;
-    // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
+    // Infinities and NaN cannot be quantized. Without quantization everything but integers above 2^31 can be encoded.
     for (std::size_t i = 0; i < quantize.size(); ++i) {
       const bool comes_back = has_all && again->attributes[i].values == points.attributes[i].values;
       quantize[i] = quantize[i] && attempt == 0 && comes_back;

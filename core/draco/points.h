@@ -16,20 +16,20 @@ enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {
   DracoKind kind = DracoKind::kGeneric;
-  std::uint32_t unique_id = 0;  // the number of the attribute where ids are not unique, as in files of Draco before 1.0
-  int component = 0;   // Draco's number of the type; kDracoFloat32 is the only one that callers make themselves
-  int components = 0;  // of a value
+  std::uint32_t unique_id = 0;  // not unique in files of Draco before 1.0; the attribute's number there
+  int component = 0;            // Draco's number of the type; callers may set only kDracoFloat32
+  int components = 0;           // of a value
   bool normalized = false;
   std::int64_t value_size = 0;  // bytes
   std::string values;           // value_size bytes per point
-  // How the values were rounded before they were encoded. 0 bits: not at all.
+  // How the values were quantized before encoding. 0 bits: not at all.
   int quantization_bits = 0;
   std::vector<float> origin;  // one per component; empty for octahedral normals
   float range = 0;
 };
 
 extern const int kDracoFloat32;
-// The number that OpenGL and glTF have for a type (5120: byte, ..., 5126: float); 0 for one that they lack.
+// The number of a type in OpenGL and glTF (5120: byte, ..., 5126: float); 0 if they lack it.
 int GlTypeOfDraco(int component);
 
 struct DracoPoints {
@@ -39,16 +39,16 @@ struct DracoPoints {
   std::shared_ptr<const void> metadata;  // of the file, for EncodeDracoPoints; may be null
 };
 
-// Decodes any Draco triangle mesh. Points and faces keep the order of the decoded bytes. Bytes are not trusted, and may
-// cost much, as for DecodeDraco (core/draco/codec.h). With `want_quantization` the bytes are decoded twice, the second
-// time to find out how values were rounded.
+// Decodes any Draco triangle mesh. Points and faces keep the order of the bytes. As with DecodeDraco
+// (core/draco/codec.h), bytes are not trusted, and may take much time and memory. With `want_quantization`, decodes
+// twice, the second time to find the quantization parameters.
 // INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED:
 // OUT_OF_MEMORY.
 absl::StatusOr<DracoPoints> DecodeDracoPoints(const std::string& bytes, bool want_quantization);
 
-// Encodes faces and points in their order (sequential: Edgebreaker would reorder both, drop faces without area and with
-// them the promise that no face is lost). An attribute with quantization_bits is rounded on the same grid again if
-// that gives back the same bytes, which is checked by decoding; any other is kept to the bit.
+// Encodes faces and points in their order. Sequential: Edgebreaker would reorder both and drop faces without area. An
+// attribute with quantization_bits is quantized on the same grid again if that gives the same values, which is checked
+// by decoding; otherwise it is stored exactly.
 // INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE; OUTPUT_UNSUPPORTED for what Draco cannot hold (integers above
 // 2^31; more points than three a face). RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<std::string> EncodeDracoPoints(const DracoPoints& points);

@@ -39,8 +39,8 @@ inline Float4 Transposed(const Float4& a) {
   return __builtin_shufflevector(a, a, 0, 2, 1, 3);
 }
 
-// Sums of blocks of 2x4 and of 4x4, as 2x2 parts by rows, each by rows, times vectors: what one register can take is
-// added up before its parts are.
+// Sums of products of 2x4 and 4x4 blocks (stored as 2x2 parts by rows, each by rows) with vectors. Sums full registers
+// first, and their parts at the end.
 struct Products2 {
   Float4 terms = {};
   void Add(const float* block, const Float4& x) {

@@ -19,9 +19,9 @@ void StoreDense(const Eigen::Matrix<double, N, N>& dense, float* block) {
   }
 }
 
-// The part of E in row i, whose diagonal block is `own`: such that D + 2 E - Out is positive definite. With
-// |x a y| <= |a| (s x^2 + y^2 / s) / 2, s the square root of the quotient of the two diagonal entries (which makes this
-// independent of the scale of unknowns), the couplings take from the diagonal what is summed up here.
+// E in row i, whose diagonal block is `own`: large enough that D + 2 E - Out is positive definite. By |x a y| <= |a| (s
+// x^2 + y^2 / s) / 2, where s is the square root of the quotient of the two diagonal entries (which makes this
+// independent of the scale of unknowns), the couplings take the sum computed here from the diagonal.
 template <int N>
 Eigen::Matrix<double, N, 1> Damping(const LevelMatrix<N>& a, Index i, const Eigen::Matrix<double, N, N>& own,
                                     double undamped_part) {
@@ -34,7 +34,7 @@ Eigen::Matrix<double, N, 1> Damping(const LevelMatrix<N>& a, Index i, const Eige
       for (int p = 0; p < N; ++p) sums[p] += std::abs(number(block, p, q)) * std::sqrt(own(p, p) * scale);
     }
   }
-  // A 2x2 block is at least so many times its diagonal; of a 4x4 block that is not used.
+  // A lower bound of a 2x2 block, relative to its diagonal; not used for 4x4 blocks.
   const double least = N == 2 ? 1 - std::abs(own(0, 1)) / std::sqrt(own(0, 0) * own(1, 1)) : 0;
   return 0.5 * (sums - undamped_part * least * own.diagonal()).cwiseMax(0.0);
 }

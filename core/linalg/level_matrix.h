@@ -1,4 +1,4 @@
-// The matrix of one level of the multigrid: blocks of float, in the order in which the smoother visits them.
+// The matrix of one level of the multigrid: blocks of float, in the order of the smoother.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@
 
 namespace planish {
 
-// Rows that one thread works on at a time in loops other than the smoother's.
+// Rows of a chunk in all loops but the smoother's.
 inline constexpr std::int64_t kRowsPerChunk = 4096;
 
-// Where a block of N x N has its entry (p, q): by rows for N = 2; its four 2x2 parts (00, 01, 10, 11), each by rows,
-// for N = 4.
+// The position of entry (p, q) in an N x N block: by rows for N = 2; for N = 4 by its four 2x2 parts (00, 01, 10, 11),
+// each by rows.
 template <int N>
 constexpr int PlaceInBlock(int p, int q) {
   return (N == 2 ? 0 : 8 * (p / 2) + 4 * (q / 2)) + 2 * (p % 2) + q % 2;
@@ -38,7 +38,7 @@ template <int N>
 struct LevelMatrix {
   static constexpr std::int64_t kBlockSize = N * N;
 
-  // Rows that one thread relaxes in sequence (MultigridTuning). Rows of different chunks are relaxed side by side, from
+  // Rows that one thread relaxes in sequence (MultigridTuning). Rows of different chunks are relaxed in parallel from
   // each other's old values, whatever the number of threads.
   std::int32_t chunk_rows = 1;
   std::vector<std::int32_t> row_begin = {0};
@@ -60,7 +60,7 @@ struct LevelMatrix {
   // `rows_per_chunk` rows.
   void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns,
                   std::int64_t rows_per_chunk, ThreadTeam* team);
-  // Fills `damping` and `inverse`; `undamped_part` is that of MultigridTuning. FAILED_PRECONDITION: a diagonal block is
+  // Fills `damping` and `inverse`; for `undamped_part` see MultigridTuning. FAILED_PRECONDITION: a diagonal block is
   // missing or not positive definite.
   absl::Status InvertDiagonal(double undamped_part, ThreadTeam* team);
 };
@@ -71,7 +71,7 @@ void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTe
 template <int N>
 using LevelVector = std::conditional_t<N == 2, Float2, Float4>;
 
-// Sum of blocks [first, last) of `a`, of one row, times x.
+// The product of blocks [first, last) of `a`, which are in one row, and x.
 inline Float2 RowProduct(const LevelMatrix<2>& a, std::int32_t first, std::int32_t last, const float* x) {
   Float4 terms = {};
   for (std::int32_t k = first; k < last; ++k) {
@@ -85,7 +85,7 @@ inline Float4 RowProduct(const LevelMatrix<4>& a, std::int32_t first, std::int32
   return sum.Value();
 }
 
-// inverse of diagonal block i times r.
+// The inverse of diagonal block i times r.
 inline Float2 SolveRow(const LevelMatrix<2>& a, std::int32_t i, const Float2& r) {
   return RowSums(Terms(Load<Float4>(&a.inverse[4 * std::size_t(i)]), r));
 }

@@ -37,7 +37,7 @@ bool GoesOn(double residual, bool is_good_enough, const LinearSolveOptions& opti
 }
 
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team) {
-  double largest = -1, sum = -1;  // computed once, where they are asked for
+  double largest = -1, sum = -1;  // computed once, on demand
   for (const RoughTolerance& tolerance : rough) {
     if (!(energy <= tolerance.energy)) continue;
     if (largest < 0) largest = Largest(team, residual.cwiseAbs());
@@ -94,7 +94,7 @@ LinearSummary SolveSchur(const LinearSolver& solver, const SaddlePointOperator& 
     return Norm(team, residual) / initial;
   };
   summary.true_residual = measure();
-  // Iterative refinement against the exact M: solves for the residual until that is small enough.
+  // Iterative refinement with the exact M: solves for the residual until that is small enough.
   const double wanted = std::max(tuning.refined_slack * options.relative_tolerance, tuning.residual_floor);
   for (std::int64_t i = 0; refine && i < tuning.max_refinements &&
                            summary.termination == LinearTermination::kConverged && summary.true_residual > wanted;

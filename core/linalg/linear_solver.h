@@ -1,4 +1,4 @@
-// Solvers of the saddle-point system (eq. 7), all behind one interface.
+// Solvers of the saddle-point system (eq. 7) behind one interface.
 #pragma once
 
 #include <cstdint>
@@ -18,33 +18,33 @@ namespace planish {
 enum class LinearTermination {
   kConverged,       // the true residual meets the tolerance, or one of the rough tolerances
   kIterationLimit,  // LinearSolveOptions::max_iterations
-  kIndefinite,      // a direction without positive curvature: M is not positive definite, as this solver needs it
-  kStagnated,       // the solver claimed convergence, the true residual contradicts it; or non-finite numbers appeared
-  kInterrupted,     // by LinearSolveOptions::cancel or stop
+  kIndefinite,   // found a direction without positive curvature: M is not positive definite, which this solver requires
+  kStagnated,    // the solver claimed convergence but the true residual contradicts it, or numbers were not finite
+  kInterrupted,  // by LinearSolveOptions::cancel or stop
 };
 const char* Name(LinearTermination termination);
 
-// When a solve is good enough for a step of an inexact Newton method. The Euclidean norm of the residual is no measure
-// of that: where the scale of a map spans many orders of magnitude, a few rows dominate the norm.
+// When a solve is good enough for a step of an inexact Newton method. The Euclidean norm of the residual does not
+// measure that: where the scale of a map spans many orders of magnitude, a few rows dominate the norm.
 struct RoughTolerance {
   // In (0, 1), relative to lambda = 0: the error in the norm of M, which conjugate directions minimize (Uzawa), or the
   // residual in the norm of K^-1 (preconditioner.h), which MINRES minimizes. With K = M both are the same.
   double energy = 0;
-  // Largest entry of B A^-1 f - g - M lambda, in its own unit, and the sum of the magnitudes of all.
+  // The largest entry of B A^-1 f - g - M lambda, and the sum of the magnitudes of all entries.
   double residual = 0;
   double residual_sum = std::numeric_limits<double>::infinity();
 };
 
-// The options of one call.
+// Options of one call.
 struct LinearSolveOptions {
   // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; MINRES takes the norm of
   // the preconditioner while it iterates). In (0, 1).
   double relative_tolerance = 1e-10;
-  // If not empty, takes the place of relative_tolerance: stop when one of these is met in all parts. Only for
-  // iterative solvers with a preconditioner near M^-1: Uzawa's estimate of its error assumes fast and even convergence.
+  // If not empty, replaces relative_tolerance: stop when one of these is met in all parts. Only for iterative solvers
+  // with a preconditioner near M^-1: Uzawa's estimate of its error assumes fast and steady convergence.
   std::vector<RoughTolerance> rough;
   std::int64_t max_iterations = 100000;
-  // Either ends the solve as kInterrupted; the caller looks at them to learn which one it was.
+  // Either ends the solve as kInterrupted; the caller checks them to find out which.
   const Interrupter* cancel = nullptr;
   const Interrupter* stop = nullptr;
   // Called every kProgressInterval iterations with the count and the relative residual.
@@ -61,21 +61,21 @@ bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen:
 struct LinearSummary {
   LinearTermination termination = LinearTermination::kConverged;
   std::int64_t iterations = 0;
-  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda after every solve, whatever the solver claims.
-  // Where the system has M rounded to float, rough solves and those to at least LinearTuning::refined_tolerance are
-  // solved and measured with the rounded M; finer ones are refined against the exact M until this residual meets the
-  // tolerance, to a factor of LinearTuning::refined_slack.
+  // The residual |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda after every solve, whatever the
+  // solver claims. If the system has M rounded to float, rough solves and tolerances from
+  // LinearTuning::refined_tolerance up are solved and measured with the rounded M; smaller tolerances are refined with
+  // the exact M until this residual meets the tolerance, up to a factor of LinearTuning::refined_slack.
   double true_residual = 0;
   // After a rough solve: the solver's estimate of RoughTolerance::energy. It cannot be recomputed without M^-1;
   // `energy_taken`, on which Uzawa's estimate rests, can.
   double energy = 1;
-  // After a solve by conjugate directions: the solver's claim of how much the energy of the error, e^t M e with
-  // e = M^-1 rhs - lambda, has fallen since lambda = 0. The true number is lambda^t (rhs + residual). NaN: no claim.
+  // After a solve by conjugate directions: the solver's claim of how much the energy of the error, e^t M e with e =
+  // M^-1 rhs - lambda, has fallen since lambda = 0. The true value is lambda^t (rhs + residual). NaN: no claim.
   double energy_taken = std::numeric_limits<double>::quiet_NaN();
 };
 
-// A solver asks before each iteration whether to make it. If not, summary->termination says why. `residual` is
-// relative; `is_good_enough` says whether the solver's own measure meets the tolerance. Calls on_progress.
+// Whether a solver should make another iteration. If not, summary->termination says why. `residual` is relative;
+// `is_good_enough` says whether the solver's own measure meets the tolerance. Calls on_progress.
 bool GoesOn(double residual, bool is_good_enough, const LinearSolveOptions& options, LinearSummary* summary);
 
 // One sentence: "iteration limit after 300 iterations, residual 1.2e-03 of the right-hand side".
@@ -86,14 +86,14 @@ struct SaddlePointSolution {
   Eigen::VectorXd lambda;
 };
 
-// A solver of M lambda = rhs, from lambda = 0; rhs is not zero. Sets `energy` where options.rough is not empty. Its
-// claims are checked by SolveSchur(), which recomputes the residual and the true number of `energy_taken`.
+// A solver of M lambda = rhs, from lambda = 0; rhs is not zero. Sets `energy` if options.rough is not empty.
+// SolveSchur() checks its claims: it recomputes the residual and the true value of `energy_taken`.
 using LinearSolver = std::function<LinearSummary(const SaddlePointOperator& system,
                                                  const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
                                                  const LinearSolveOptions& options, Eigen::VectorXd* lambda)>;
 
 // Solves M lambda = rhs from lambda = 0. Whatever the termination, lambda is the solver's last iterate. A right-hand
-// side of zero, and a system without multipliers, converge in no iterations. A convergence that the true residual
+// side of zero and a system without multipliers converge in no iterations. A claimed convergence that the true residual
 // contradicts becomes kStagnated (LinearTuning).
 LinearSummary SolveSchur(const LinearSolver& solver, const SaddlePointOperator& system,
                          const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
@@ -111,8 +111,8 @@ LinearSolver MakeMinresSolver();
 LinearSolver MakeUzawaSolver();
 
 // Iterative refinement. The preconditioner must be a factorization of M, which must be positive definite. The solver
-// applies it to what is left of the right-hand side until the tolerance is met, at most
-// LinearTuning::max_direct_refinements times; beyond, the solve counts as kStagnated.
+// applies it to the residual until the tolerance is met, at most LinearTuning::max_direct_refinements times; after
+// that, the solve counts as kStagnated.
 LinearSolver MakeDirectSolver();
 
 }  // namespace planish

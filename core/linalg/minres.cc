@@ -1,6 +1,6 @@
 // MINRES (Paige & Saunders 1975, reference [15]) on M lambda = B A^-1 f - g, section 7.1 of the paper, with a symmetric
-// positive definite preconditioner K; K = I is the paper's. M is applied as B (A^-1 (B^t .)), or as a matrix by a
-// system that has it.
+// positive definite preconditioner K; the paper has K = I. M is applied as B (A^-1 (B^t .)), or as a matrix if the
+// system has it.
 //
 // Letters as in Paige & Saunders: Lanczos vectors v with coefficients alfa, beta; the tridiagonal matrix is reduced by
 // plane rotations (cs, sn); w are the search directions. The residual itself, r, follows from its norm phi_bar and the

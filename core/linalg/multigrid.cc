@@ -22,7 +22,7 @@ absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vecto
   finest_.ResizeVectors();
   PLANISH_RETURN_IF_ERROR(finest_.a.InvertDiagonal(tuning_.undamped_part, team_));
   double theta = tuning_.strength;
-  // Adds a level below `level`; false if that cannot be coarsened.
+  // Adds a level below `level`; false if `level` cannot be coarsened.
   const auto coarsen = [&](auto* level, std::int32_t coupled) -> absl::StatusOr<bool> {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     MultigridLevel<4> next;
@@ -42,8 +42,8 @@ absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vecto
     theta *= tuning_.strength_ratio;
     PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse_.back(), coarse_.back().num_rows()));
   }
-  // Dense matrices of so many block rows take some 400 bytes for each row of the finest level, which is within what
-  // EstimateUnwrap() reserves; small ones are nothing.
+  // Dense matrices of this many block rows take about 400 bytes for each row of the finest level, which is within the
+  // reservation of EstimateUnwrap(). Small ones do not matter.
   const auto root = static_cast<std::int64_t>(std::sqrt(static_cast<double>(finest_.num_rows())));
   const std::int64_t most = std::min(tuning_.max_dense_rows, std::max(2 * tuning_.coarsest_rows, root));
   if (coarse_.back().num_rows() > most) {
@@ -68,7 +68,7 @@ absl::Status Multigrid::Refresh(const BlockMatrix<float>& matrix, const std::vec
 
 absl::Status Multigrid::InvertCoarsest() {
   const LevelMatrix<4>& a = coarse_.back().a;
-  // Factorized in its place: these are the largest matrices of a small mesh.
+  // Factorized in place: these are the largest matrices of a small mesh.
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(4 * a.num_rows(), 4 * a.num_rows());
   for (std::int32_t i = 0; i < a.num_rows(); ++i) {
     for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
@@ -98,7 +98,7 @@ void Multigrid::Cycle() const {
 }
 
 void Multigrid::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
-  // The cycle is linear; scaling keeps small residuals clear of float's underflow.
+  // The cycle is linear; scaling keeps small residuals away from float's underflow.
   const double scale = Largest(*team_, r.cwiseAbs());
   if (scale == 0) {
     *z = r;

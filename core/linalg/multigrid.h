@@ -46,14 +46,14 @@ class Multigrid {
  public:
   explicit Multigrid(const MultigridTuning& tuning = {}) : tuning_(tuning) {}
 
-  // Builds aggregates and numbers for `matrix` and the places z of its rows, known up to a similarity; if all z are
-  // zero, the coarse spaces hold the constants alone. Rows from `num_coupled` on (boundary control) have no second
-  // unknown and stay out of aggregates. O(blocks). `team` must outlive this. FAILED_PRECONDITION: a diagonal block or
-  // the coarsest matrix is not positive definite, or coarsening ends too early (MultigridTuning::max_dense_rows).
+  // Builds aggregates and numbers for `matrix` and the positions z of its rows, known up to a similarity; if all z are
+  // zero, the coarse spaces hold only the constants. Rows from `num_coupled` on (boundary control) have no second
+  // unknown and are left out of aggregates. O(blocks). `team` must outlive this. FAILED_PRECONDITION: a diagonal block
+  // or the coarsest matrix is not positive definite, or coarsening ends too early (MultigridTuning::max_dense_rows).
   // CANCELLED: interrupted.
   absl::Status Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                      std::int32_t num_coupled, ThreadTeam& team = Alone(), const Interrupter* interrupter = nullptr);
-  // New numbers on the aggregates of the last Build(); the pattern must be the same.
+  // Recomputes the numbers for the aggregates of the last Build(); the pattern must be the same.
   absl::Status Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                        const Interrupter* interrupter = nullptr);
 
@@ -61,7 +61,7 @@ class Multigrid {
   void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const;
 
   int num_levels() const { return static_cast<int>(coarse_.size()) + 1; }
-  // Entries of the matrices of all levels over those of the finest.
+  // Entries of the matrices of all levels, relative to the finest.
   double operator_complexity() const;
 
  private:
@@ -71,7 +71,7 @@ class Multigrid {
 
   const MultigridTuning tuning_;
   ThreadTeam* team_ = nullptr;
-  // Apply() works in their vectors.
+  // Apply() uses their vectors.
   mutable MultigridLevel<2> finest_;
   mutable std::vector<MultigridLevel<4>> coarse_;
   Eigen::MatrixXf inverse_;  // of the coarsest matrix

@@ -43,7 +43,7 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
   Aggregates aggregates;
   std::vector<std::int32_t>& of_row = aggregates.of_row;
   of_row.assign(n, kFree);
-  // Calls see(j) for the strong neighbours of i until it returns false; true if it never does.
+  // Calls see(j) for the strong neighbours of i until see returns false. Returns whether it never did.
   const auto each_neighbour = [&](std::int32_t i, const auto& see) {
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
       if (strong[k] && !see(matrix.column[k])) return false;
@@ -57,7 +57,7 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
   };
 
   std::vector<std::int32_t> second_ring;
-  std::vector<int> inside(wide ? n : 0, 0);  // neighbours that a row of the second ring has in the first
+  std::vector<int> inside(wide ? n : 0, 0);  // per row of the second ring: its neighbours in the first
   for (std::int32_t i = 0; i < n; ++i) {
     if (each_neighbour(i, [](std::int32_t) { return false; })) {
       of_row[i] = kIsolated;
@@ -82,8 +82,8 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
     ++aggregates.count;
   }
 
-  // A row between aggregates joins the one it is coupled to most strongly. Looking at the first pass's result only
-  // keeps aggregates from growing chains.
+  // A row between aggregates joins the one to which it is coupled most strongly. Using only the first pass's result
+  // keeps aggregates from growing into chains.
   const std::vector<std::int32_t> first_pass = of_row;
   for (std::int32_t i = 0; i < n; ++i) {
     if (first_pass[i] != kFree) continue;
@@ -115,8 +115,8 @@ template Aggregates Aggregate(const LevelMatrix<4>&, const std::vector<char>&, s
 
 namespace {
 
-// Rows whose lengths are known only when they are there, made chunk by chunk side by side: row(i, add) calls
-// add(column) for the columns of row i, as often as it likes.
+// Builds rows of unknown length in parallel chunks: row(i, add) calls add(column) for the columns of row i; repeated
+// columns are merged.
 template <typename Row>
 void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& row, std::vector<Index>* row_begin,
                std::vector<Index>* column) {
@@ -125,7 +125,7 @@ void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& r
   };
   std::vector<Part> parts = team->Collect<Part>(num_rows, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
     Part part;
-    std::vector<Index> last(num_columns, -1);  // per column: its last place in the part
+    std::vector<Index> last(num_columns, -1);  // per column: its last position in the part
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const auto start = static_cast<Index>(part.column.size());
       row(i, [&](Index j) {
@@ -163,7 +163,7 @@ void AddProduct(const float* a, const float* b, float* c) {
   }
 }
 
-// Largest eigenvalue of D^-1 A, from below, by a few power iterations.
+// The largest eigenvalue of D^-1 A, estimated from below by a few power iterations.
 template <int N>
 double LargestEigenvalue(const LevelMatrix<N>& a, std::int64_t iterations, ThreadTeam* team) {
   using Vector = LevelVector<N>;
@@ -337,14 +337,14 @@ absl::Status MultigridLevel<N>::FillCoarse(const MultigridTuning& tuning, Multig
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   const Prolongation& p = prolongation;
   const Index count = p.aggregates.count;
-  // A P, chunk by chunk: pieces that fit where something else was free before.
+  // A P, chunk by chunk: small allocations fit into memory that was freed before.
   std::vector<std::vector<float>> product(static_cast<std::size_t>((num_rows() + kRowsPerChunk - 1) / kRowsPerChunk));
   const auto product_block = [&](Index row, Index k) {
     const Index chunk = row / kRowsPerChunk;
     return product[chunk].data() + 4 * N * std::size_t(k - p.product_begin[chunk * kRowsPerChunk]);
   };
   team->For(num_rows(), kRowsPerChunk, [&](std::int64_t first, std::int64_t last) {
-    std::vector<Index> place(count);  // of the columns in the row
+    std::vector<Index> place(count);  // positions of the columns in the row
     product[static_cast<std::size_t>(first / kRowsPerChunk)].assign(
         4 * N * std::size_t(p.product_begin[last] - p.product_begin[first]), 0.0F);
     for (auto i = static_cast<Index>(first); i < last; ++i) {
@@ -374,7 +374,7 @@ absl::Status MultigridLevel<N>::FillCoarse(const MultigridTuning& tuning, Multig
                                       matrix.Block(place[p.product_column[m]]));
         }
       }
-      // An aggregate of no extent does not use its beta: any positive diagonal will do.
+      // An aggregate without extent does not use its beta: any positive diagonal will do.
       float* diagonal = matrix.Block(matrix.diagonal[c]);
       if (!(coarse->coordinates.extent[c] > 0)) std::copy(diagonal, diagonal + 4, diagonal + 12);
     }
@@ -423,7 +423,7 @@ void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
 template <int N>
 void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team) {
   const Prolongation& p = prolongation;
-  // With (D + L + E) x = b, b - A x is what is right of the diagonal, and E x.
+  // With (D + L + E) x = b, b - A x is E x minus the part of A right of the diagonal times x.
   team->ForEach(num_rows(), [&](Index i) {
     Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
     if (a.HasOutside(i)) {

@@ -28,7 +28,7 @@ struct Patch {
         }
       }
     };
-    // S is symmetric: its columns are its rows.
+    // S is symmetric, so its columns are its rows.
     Eigen::VectorXd rest = r;
     for_blocks([&](const double* s, std::int32_t i, std::int32_t j) {
       rest[2 * j] -= s[0] * solution[2 * i] + s[2] * solution[2 * i + 1];
@@ -49,7 +49,7 @@ struct Patch {
 
 absl::StatusOr<Preconditioner> PatchedPreconditioner(Preconditioner other, const BlockMatrix<float>& matrix,
                                                      std::vector<std::int32_t> rows, std::int64_t max_bytes) {
-  BlockMatrix<double> part, own;  // the rows, and of these the columns in the patch, as it numbers them
+  BlockMatrix<double> part, own;  // the rows, and their columns in the patch, in the patch's numbering
   for (const std::int32_t row : rows) {
     for (std::int32_t k = matrix.row_begin[row]; k < matrix.row_begin[row + 1]; ++k) {
       const float* block = &matrix.value[4 * static_cast<std::size_t>(k)];

@@ -9,7 +9,7 @@
 
 namespace planish {
 
-// z = K^-1 r. z is resized, and must not be r. Not thread-safe: some work in vectors of their own.
+// z = K^-1 r. Resizes z, which must not be r. Not thread-safe: some have vectors of their own.
 using Preconditioner = std::function<void(const Eigen::VectorXd& r, Eigen::VectorXd* z)>;
 
 inline Preconditioner IdentityPreconditioner() {

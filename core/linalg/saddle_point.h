@@ -3,8 +3,8 @@
 //   A x + B^t lambda = f
 //   B x              = g
 //
-// Eliminating x leaves the Schur complement  M lambda = B A^-1 f - g,  M = B A^-1 B^t,  x = A^-1 (f - B^t lambda).
-// The iterative solvers never form M; a system that has M as a matrix may multiply by that (ApplySchur).
+// Eliminating x gives the Schur complement  M lambda = B A^-1 f - g,  M = B A^-1 B^t,  x = A^-1 (f - B^t lambda). The
+// iterative solvers never form M; a system that has M as a matrix may multiply by it (ApplySchur).
 #pragma once
 
 #include "Eigen/Core"

@@ -12,11 +12,11 @@
 namespace planish {
 namespace {
 
-// The order in which rows are eliminated: entry k is the row that comes as number k.
+// The order in which rows are eliminated: entry k is the row eliminated as number k.
 std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) {
   const std::int32_t n = matrix.num_rows();
-  // Only the pattern matters. Eigen adds that of the transpose, so one triangle is enough; with the diagonal, since
-  // rows without are put last, unordered.
+  // Only the pattern matters. Eigen adds that of the transpose, so one triangle is enough. The diagonal is included,
+  // since rows without a diagonal are put last, unordered.
   Eigen::SparseMatrix<float, Eigen::ColMajor, int> pattern(n, n);
   for (std::int32_t i = 0; i < n; ++i) {
     pattern.startVec(i);
@@ -40,7 +40,7 @@ std::int32_t SparseCholesky::Factor::RowPattern(const BlockMatrix<double>& matri
   const std::int32_t row_of_matrix = order[k];
   for (std::int32_t e = matrix.row_begin[row_of_matrix]; e < matrix.row_begin[row_of_matrix + 1]; ++e) {
     std::int32_t length = 0;
-    // The path is shorter than what is left of `pattern`: both are parts of the same n - 1 nodes.
+    // The path fits into the rest of `pattern`: both are parts of the same n - 1 nodes.
     for (std::int32_t i = place[matrix.column[e]]; i < k && (*mark)[i] != k; i = parent[i]) {
       (*pattern)[length++] = i;
       (*mark)[i] = k;
@@ -55,7 +55,7 @@ void SparseCholesky::Factor::Analyze(const BlockMatrix<double>& matrix) {
   order = MinimumDegreeOrder(matrix);
   place.resize(n);
   for (std::int32_t k = 0; k < n; ++k) place[order[k]] = k;
-  // The elimination tree (Liu 1990), with paths that are shortened as they are walked.
+  // The elimination tree (Liu 1990), with path compression.
   parent.assign(n, -1);
   std::vector<std::int32_t> ancestor(n, -1);
   for (std::int32_t k = 0; k < n; ++k) {
@@ -83,7 +83,7 @@ absl::Status SparseCholesky::Factor::FactorizeNumbers(const BlockMatrix<double>&
   row.resize(static_cast<std::size_t>(begin[n]));
   value.resize(4 * static_cast<std::size_t>(begin[n]));
   inverse.resize(3 * static_cast<std::size_t>(n));
-  std::vector<std::int64_t> end(begin.begin(), begin.end() - 1);  // of what is there of a column
+  std::vector<std::int64_t> end(begin.begin(), begin.end() - 1);  // end of the filled part of each column
   std::vector<std::int32_t> mark(n, -1), pattern(n);
   std::vector<double> y(4 * static_cast<std::size_t>(n), 0.0);  // block i: (L_i:, ...)^-1 applied to S_ik, by rows
   for (std::int32_t k = 0; k < n; ++k) {

@@ -1,8 +1,8 @@
 // Sparse Cholesky factorization S = L L^t of symmetric positive definite matrices of 2x2 blocks.
 //
-// Without BLAS: one thread, no locks, and the same bits on every machine. The factorization goes row by row (the
-// "up-looking" method: Davis 2006, "Direct Methods for Sparse Linear Systems", chapter 4), with blocks of 2x2 in the
-// place of numbers: one index serves four numbers, and the inner loop has 16 operations for each block that it reads.
+// Without BLAS: one thread, no locks, and the same bits on every machine. Row by row (the "up-looking" method: Davis
+// 2006, "Direct Methods for Sparse Linear Systems", chapter 4), with 2x2 blocks in place of numbers: one index serves
+// four numbers, and the inner loop has 16 operations for each block that it reads.
 #pragma once
 
 #include <cstdint>
@@ -18,13 +18,13 @@ namespace planish {
 // Not thread-safe; independent objects may be used on different threads.
 class SparseCholesky {
  public:
-  // The most that the factor may take, in bytes; the default is no limit.
+  // Limits the size of the factor, in bytes; no limit by default.
   void set_max_bytes(std::int64_t bytes) { max_bytes_ = bytes; }
 
   // Factorizes `matrix`. The ordering (approximate minimum degree; Amestoy, Davis, Duff 1996) and the pattern of L are
-  // made in the first call and kept while the pattern of the matrix stays the same.
-  // FAILED_PRECONDITION: not positive definite, with the row. RESOURCE_EXHAUSTED: L takes more than the limit, with
-  // both numbers, or there is no memory; nothing is left of the factorization then.
+  // computed in the first call and kept while the pattern of the matrix stays the same. FAILED_PRECONDITION: not
+  // positive definite; the message has the row. RESOURCE_EXHAUSTED: L takes more than the limit (the message has both
+  // numbers), or memory ran out; the factorization is then empty.
   absl::Status Factorize(const BlockMatrix<double>& matrix);
 
   // x = S^-1 b for the matrix S factorized last, which must have succeeded.
@@ -35,24 +35,24 @@ class SparseCholesky {
 
  private:
   struct Factor {
-    // The pattern of the matrix that the rest was made for.
+    // The pattern of the matrix that the other members were made for.
     std::vector<std::int32_t> row_begin = {0}, column;
     std::vector<std::int32_t> order, place;  // place[order[k]] = k
-    std::vector<std::int32_t> parent;        // in the elimination tree; -1: a root
-    // Column j of L below its diagonal: blocks [begin[j], begin[j + 1]), rows ascending. A block L_kj takes four
-    // numbers, its transpose by rows.
+    std::vector<std::int32_t> parent;        // in the elimination tree; -1 for a root
+    // Column j of L below its diagonal: blocks [begin[j], begin[j + 1]), rows ascending. A block L_kj is stored as its
+    // transpose by rows, four numbers.
     std::vector<std::int64_t> begin;
     std::vector<std::int32_t> row;
     std::vector<double> value;
     // The inverse of the diagonal block of column j: ((a, 0), (b, c)) as a, b, c.
     std::vector<double> inverse;
 
-    // The order, the elimination tree and the pattern of L.
+    // Computes the order, the elimination tree and the pattern of L.
     void Analyze(const BlockMatrix<double>& matrix);
     absl::Status FactorizeNumbers(const BlockMatrix<double>& matrix);
-    // Writes the columns of row k of L, which are the nodes of the elimination tree on the paths from the columns of
-    // row k of the matrix up to k, to the end of `pattern` from the returned place on: each after those that it depends
-    // on.
+    // Finds the columns of row k of L: the nodes of the elimination tree on the paths from the columns of row k of the
+    // matrix up to k. Writes them to the end of `pattern` and returns where they begin. Each comes after those that it
+    // depends on.
     std::int32_t RowPattern(const BlockMatrix<double>& matrix, std::int32_t k, std::vector<std::int32_t>* mark,
                             std::vector<std::int32_t>* pattern) const;
   };

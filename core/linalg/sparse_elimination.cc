@@ -5,7 +5,7 @@
 
 namespace planish {
 
-// Row k of U has what is right of the diagonal in row k of A, and in the rows of U that begin at k.
+// Row k of U has the columns right of the diagonal in row k of A, and those of the rows of U whose first column is k.
 SparseElimination::SparseElimination(const Matrix& a) : rows_(static_cast<std::int32_t>(a.rows())) {
   std::vector<std::int32_t> seen(rows_, -1);
   std::vector<std::vector<std::int32_t>> beginning_at(rows_);

@@ -1,16 +1,16 @@
-// The constants of the linear solvers and of the multigrid that are chosen, not derived. Each has its unit, what a
-// smaller and a larger value do, and where it comes from. They are passed in, so that a test or a bench can vary them.
+// Constants of the linear solvers and of the multigrid that were chosen rather than derived. Each has its unit, the
+// effect of smaller and larger values, and its source. They are passed in, so that tests and benches can vary them.
 //
 // "Sweep" is tests/bench/tuning_sweep.cc: each constant halved and doubled, on discs by formula
-// (tests/bench/results/tuning.md). All members are double or std::int64_t, which lets the sweep check that it names
-// every one of them. Where a comment has no word of it, halving and doubling changed nothing on these discs, or little.
+// (tests/bench/results/tuning.md). All members are double or std::int64_t, which lets the sweep check that it covers
+// all of them. If a comment does not mention the sweep, halving and doubling changed little or nothing on these discs.
 #pragma once
 
 #include <cstdint>
 
 namespace planish {
 
-// How a linear solve ends, and what its wrapper believes (linear_solver.h).
+// How a linear solve ends, and which of its claims the wrapper accepts (linear_solver.h).
 struct LinearTuning {
   // True residual over the tolerance, above which a convergence that the solver claims counts as stagnation. The
   // residual that a solver carries along drifts from the true one by rounding (Greenbaum 1997, "Estimating the
@@ -22,64 +22,63 @@ struct LinearTuning {
   // Relative difference between the decrease of the energy that Uzawa claims and the true one, above which a rough
   // solve counts as stagnated.
   double energy_slack = 0.05;
-  // Of the right-hand side: true residuals below this are rounding of double, whatever the tolerance.
+  // Relative to the right-hand side: true residuals below this are rounding errors, whatever the tolerance.
   double residual_floor = 1e-12;
-  // Relative tolerance below which a solve with a matrix rounded to float (rounding unit 6e-8) is refined against the
-  // exact one. Solves to larger tolerances do not notice the rounding.
+  // Relative tolerance below which a solve with a matrix rounded to float (rounding unit 6e-8) is refined with the
+  // exact one. With larger tolerances the rounding does not matter.
   double refined_tolerance = 1e-5;
-  // Such a solve is refined until the true residual is at most this many times the tolerance, and no longer than
-  // `max_refinements` times (iterative refinement: Higham 2002, chapter 12).
+  // Such a solve is refined until the true residual is at most this many times the tolerance, at most `max_refinements`
+  // times (iterative refinement: Higham 2002, chapter 12).
   double refined_slack = 2;
   std::int64_t max_refinements = 10;
-  // Corrections that the direct solver makes before it gives up; the first is the solve itself.
+  // Corrections by the direct solver before it gives up; the first is the solve itself.
   std::int64_t max_direct_refinements = 3;
-  // Uzawa's estimate of the error assumes that the energy goes on falling at the rate of the last two iterations, but
-  // at no slower rate than this per iteration: a later iteration may well take off more than an earlier one, and a
-  // quotient of 1 would say that the error is infinite. Larger: more pessimistic estimates, more iterations.
+  // Uzawa's estimate of the error assumes that the energy keeps falling at the rate of the last two iterations, but at
+  // least at this rate per iteration: a later iteration may reduce the energy more than an earlier one, and a quotient
+  // of 1 would make the error infinite. Larger: more pessimistic estimates, more iterations.
   double slowest_rate = 0.9;
 };
 
-// The multigrid's hierarchy and smoother (multigrid.h).
+// The hierarchy and the smoother of the multigrid (multigrid.h).
 struct MultigridTuning {
-  // theta, in [0, 1): couplings weaker than this part of the diagonal do not bind rows into one aggregate. On level l
-  // it is strength * strength_ratio^l; the values are those of Vanek, Mandel, Brezina 1996. Sweep: with
-  // double the strength up to a third fewer iterations and a tenth more time; with half, a few iterations more and
-  // about the same time.
+  // theta, in [0, 1): couplings weaker than this part of the diagonal do not join rows into an aggregate. On level l it
+  // is strength * strength_ratio^l; the values are those of Vanek, Mandel, Brezina 1996. Sweep: with double the
+  // strength up to a third fewer iterations and a tenth more time; with half, a few iterations more and about the same
+  // time.
   double strength = 0.08;
   double strength_ratio = 0.5;
-  // Rows of the first ring that a row of the second ring must be coupled to in order to join an aggregate of the finest
-  // level. 1: the whole second ring, 19 rows an aggregate where all vertices have six neighbours; 2: 13; 3 or more: 7.
-  // Larger aggregates make cheaper cycles and more of them. Sweep: with 1, a tenth less time on easy discs, and
-  // more iterations on hard ones; with 4, no gain in time.
+  // A row of the second ring joins an aggregate of the finest level if it is coupled to this many rows of the first
+  // ring. 1: the whole second ring, 19 rows an aggregate where all vertices have six neighbours; 2: 13; 3 or more: 7.
+  // Larger aggregates make cheaper cycles, but more of them. Sweep: with 1, a tenth less time on easy discs, and more
+  // iterations on hard ones; with 4, no gain in time.
   std::int64_t second_ring_neighbours = 2;
-  // Rows of a coarse level over those of the level above, above which coarsening counts as having failed.
+  // Coarsening has failed if a coarse level has more than this part of the rows of the level above.
   double slowest_coarsening = 0.9;
   // Block rows at which coarsening ends: the coarsest matrix is inverted as a dense one, 4 rows a block row.
   std::int64_t coarsest_rows = 40;
-  // Coarse levels, at most.
+  // Maximal number of coarse levels.
   std::int64_t max_levels = 20;
-  // Block rows of the coarsest level, at most. Where the rows are coupled so weakly, or levels are so few, that
-  // coarsening ends above this, Multigrid::Build() fails; so it does above the square root of the rows of the finest
-  // level, since the dense matrix would take more memory than all other levels.
+  // Maximal number of block rows of the coarsest level. If coarsening ends above this, because rows are coupled too
+  // weakly or levels are too few, Multigrid::Build() fails. It also fails above the square root of the rows of the
+  // finest level, since the dense matrix would take more memory than all other levels.
   std::int64_t max_dense_rows = 500;
   // omega times the largest eigenvalue of D^-1 A: the damping of the prolongation's smoother that is best for all
   // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: half of it costs half as many iterations again
   // on easy discs, double of it twice as many.
   double omega = 4.0 / 3;
-  // Couplings of a row above which its part of the prolongation is not smoothed: it would bring all its neighbours'
-  // aggregates together, and the coarse matrix would couple each of them to each, n^2 blocks where n triangles meet at
-  // a vertex. A regular mesh has 7 couplings a row, and some 20 on coarse levels.
+  // Rows with more couplings than this are not smoothed in the prolongation: such a row would connect the aggregates of
+  // all its neighbours with each other, which gives n^2 blocks in the coarse matrix where n triangles meet at a vertex.
+  // A regular mesh has 7 couplings a row, and about 20 on coarse levels.
   std::int64_t most_smoothed_couplings = 100;
-  // What the estimate of that eigenvalue, which comes from below, is multiplied by; and the power iterations that it
-  // takes.
+  // Factor on the estimate of that eigenvalue, which is too low, and the number of power iterations for it.
   double eigenvalue_margin = 1.05;
   std::int64_t power_iterations = 8;
   // Part of the diagonal block's own positivity that the couplings between chunks may use up before rows are damped
-  // (LevelMatrix::damping; Baker, Falgout, Kolev, Yang 2011). Any number below 1 keeps the cycle positive definite; a
+  // (LevelMatrix::damping; Baker, Falgout, Kolev, Yang 2011). Any value below 1 keeps the cycle positive definite; a
   // smaller one damps more and smooths less.
   double undamped_part = 0.9;
   // Rows that one thread relaxes in sequence, on the finest level and on the coarse ones. Larger chunks smooth better
-  // (more of Gauss-Seidel, less of Jacobi) and leave fewer of them to share among threads. At least 1.
+  // (more Gauss-Seidel, less Jacobi) but give threads fewer chunks to share. At least 1.
   std::int64_t chunk_rows = 16384;
   std::int64_t coarse_chunk_rows = 4096;
 };

@@ -11,11 +11,11 @@
 // as in Braess 2001, section IV.5.) A preconditioner K puts z = K^-1 q in the place of q in d and of one q in each
 // scalar product; K = I is the algorithm as printed.
 //
-// Neither p, h nor x appears below by itself: <p_k, h_k> = <d_k, M d_k> is the curvature of M, q_{k+1} = q_k + alpha_k
-// M d_k, and x follows from the last lambda. So a system that has M as a matrix can use it.
+// p, h and x do not appear below: <p_k, h_k> = <d_k, M d_k> is the curvature of M, q_{k+1} = q_k + alpha_k M d_k, and x
+// follows from the last lambda. So a system that has M as a matrix can use it.
 //
 // The energy of the error, e^t M e with e = lambda - lambda_k, falls by alpha_k <q_k, z_k> in iteration k (Hestenes and
-// Stiefel 1952, theorem 6:1); what is left follows from how fast it falls.
+// Stiefel 1952, theorem 6:1); the rest is estimated from how fast it falls.
 #include <algorithm>
 #include <cmath>
 
@@ -25,7 +25,7 @@
 namespace planish {
 namespace {
 
-// The error in the norm of M over that at the start, from what each iteration takes off the energy.
+// The error in the norm of M relative to the start, estimated from the decrease of the energy in each iteration.
 class ErrorEstimate {
  public:
   explicit ErrorEstimate(double slowest_rate) : slowest_rate_(slowest_rate) {}
@@ -37,7 +37,7 @@ class ErrorEstimate {
     total_ += decrease;
   }
   double Taken() const { return total_; }
-  // As if the energy went on falling as it did in the slower of the last two iterations.
+  // Assumes that the energy keeps falling as in the slower of the last two iterations.
   double Left() const {
     if (!(total_ > 0)) return 1;
     const double rate = std::min(std::max(rate_, rate_before_), slowest_rate_);

@@ -9,8 +9,8 @@ namespace planish {
 
 template <typename Point>
 void TriangleAngles(const Point p[3], double angles[3]) {
-  // Edge k faces corner k. The largest angle, which faces the longest edge, is what the others leave of pi: they are
-  // acute, and as exact as the area, which the two shorter edges give.
+  // Edge k faces corner k. The smaller two angles are acute, and as exact as the area, which comes from the two shorter
+  // edges. The largest angle, which faces the longest edge, is pi minus the others.
   const Point edge[3] = {p[2] - p[1], p[0] - p[2], p[1] - p[0]};
   const double squared[3] = {edge[0].squaredNorm(), edge[1].squaredNorm(), edge[2].squaredNorm()};
   const int largest =
@@ -37,11 +37,11 @@ void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
   for (int k = 0; k < 3; ++k) length[k] = (p[Prev(k)] - p[Next(k)]).norm();
   const double longest = std::max({length[0], length[1], length[2]});
   for (double& l : length) l += kLonger * longest;
-  // Place the triangle in the plane, for the accurate angles of small ones.
+  // Place the triangle in the plane, for accurate small angles.
   const double x = (length[0] * length[0] + length[1] * length[1] - length[2] * length[2]) / (2 * length[0]);
   const double s = (length[0] + length[1] + length[2]) / 2;
   const double area = std::sqrt(std::max(0.0, s * (s - length[0]) * (s - length[1]) * (s - length[2])));
-  // The edge faced by corner 0 from (0, 0), corner 2, to (length[0], 0), corner 1.
+  // The edge that corner 0 faces runs from (0, 0), corner 2, to (length[0], 0), corner 1.
   const Vec2 q[3] = {Vec2(x, 2 * area / length[0]), Vec2(length[0], 0), Vec2(0, 0)};
   TriangleAngles(q, angles);
 }

@@ -5,7 +5,7 @@
 namespace planish {
 namespace {
 
-// The bits of x, 31 of them, with a 0 before each.
+// Spreads the low 31 bits of x: puts a 0 before each.
 std::uint64_t Spread(std::uint64_t x) {
   x = (x | x << 16) & 0x0000ffff0000ffff;
   x = (x | x << 8) & 0x00ff00ff00ff00ff;
@@ -14,12 +14,12 @@ std::uint64_t Spread(std::uint64_t x) {
   return (x | x << 1) & 0x5555555555555555;
 }
 
-// Half of the centre: cannot overflow.
+// Half of the centre, which cannot overflow.
 Vec2 HalfCentre(const Box& box) {
   return box.low / 4 + box.high / 4;
 }
 
-// Numbers of the boxes along a Z-curve through their centres.
+// The indices of the boxes in the order of a Z-curve through their centres.
 std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Execution& execution) {
   const auto n = static_cast<std::int64_t>(boxes.size());
   const Box all = execution.SumUp<Box>(n, [&](std::int64_t i, Box* box) {

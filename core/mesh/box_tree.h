@@ -1,4 +1,4 @@
-// Which boxes meet: a bounding-volume tree over axis-aligned boxes in the plane.
+// A bounding-volume tree over axis-aligned boxes in the plane, to find boxes that intersect.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ struct Box {
 };
 
 // Calls visit(a, b) once for every two boxes that are at most `reach` apart along both axes, from left to right. A
-// sweep that compares all boxes above each other: for few, or for boxes spread out from left to right.
+// sweep that compares all boxes with overlapping x ranges: for few boxes, or boxes spread out from left to right.
 template <typename Visit>
 void ForEachNearPair(const std::vector<Box>& boxes, double reach, const Visit& visit) {
   const std::vector<std::int32_t> order =
@@ -51,13 +51,13 @@ void ForEachNearPair(const std::vector<Box>& boxes, double reach, const Visit& v
   }
 }
 
-// Constant after construction, which takes O(n). Empty boxes meet nothing. If the construction was cancelled, the tree
+// Constant after construction, which takes O(n). Empty boxes intersect nothing. After a cancelled construction the tree
 // finds nothing.
 class BoxTree {
  public:
   explicit BoxTree(std::vector<Box> boxes, const Execution& execution = {});
 
-  // Calls visit(i) for every box that meets `box`, until it returns false. Returns whether all were visited.
+  // Calls visit(i) for every box that intersects `box`, until visit returns false. Returns whether all were visited.
   // Thread-safe.
   template <typename Visit>
   bool ForEachMeeting(const Box& box, const Visit& visit) const {
@@ -68,7 +68,7 @@ class BoxTree {
       return true;
     }
     if (nodes_.empty()) return true;
-    // Depth first: the stack holds one node a level and one more.
+    // Depth first: the stack holds at most one node for each level, and one more.
     std::array<std::int32_t, 64> stack = {0};
     for (int top = 1; top > 0;) {
       const std::int32_t node = stack[--top];
@@ -90,10 +90,10 @@ class BoxTree {
 
  private:
   static constexpr std::int32_t kLeafSize = 4;
-  static constexpr std::size_t kFew = 24;  // boxes that are looked at one after the other, without a tree
+  static constexpr std::size_t kFew = 24;  // up to this number, boxes are searched linearly, without a tree
 
-  // Node i of a binary tree in an array has the children 2 i + 1 and 2 i + 2. The last `leaves_`, a power of two, are
-  // leaves: leaf i has the boxes [kLeafSize i, kLeafSize (i + 1)) of order_, none if that is beyond its end.
+  // Node i of a binary tree in an array has the children 2 i + 1 and 2 i + 2. The last `leaves_` nodes, a power of two,
+  // are leaves. Leaf i has the boxes [kLeafSize i, kLeafSize (i + 1)) of order_, as far as these exist.
   std::vector<Box> boxes_;
   std::vector<std::int32_t> order_;  // along a space-filling curve
   std::vector<Box> nodes_;

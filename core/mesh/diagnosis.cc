@@ -38,8 +38,8 @@ bool IsOfSurface(const Pairing& pairing, std::int64_t f) {
   return has_place && !pairing.is_copy(f);
 }
 
-// The pieces of the imported surface, put together again over the edges at which faces are wound against each other,
-// and what their boundaries are like.
+// Joins the pieces of the imported surface over the edges where orientations disagree, and describes the boundaries of
+// the resulting components.
 void ListComponents(const Pairing& pairing, const FlatImport& imported, const Execution& execution, Diagnosis* result) {
   const std::vector<Face>& faces = imported.mesh.faces;
   const std::vector<std::int32_t>& opposite = imported.mesh.opposite;
@@ -51,9 +51,9 @@ void ListComponents(const Pairing& pairing, const FlatImport& imported, const Ex
       ConnectedPieces(num_faces, &num_pieces, of_surface,
                       [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
   if (execution.IsCancelled()) return;
-  // A component is a set of pieces, a fan one of vertices. Pieces come twice in `sides`, as they are and turned over.
-  // Over every inconsistent edge a piece goes with the other side of its neighbour; where it goes with its own, the
-  // component is not orientable.
+  // A component is a set of pieces, a fan a set of vertices. `sides` has each piece twice, as it is and reversed. Over
+  // every inconsistent edge, each piece is joined with its neighbour reversed. If a piece is joined with its own
+  // reverse, the component is not orientable.
   UnionFind components(num_pieces), sides(2 * num_pieces), fans(num_vertices);
   std::vector<char> is_inner(opposite.size(), 0);  // per half-edge
   for (const auto& [c, d] : pairing.inconsistent) {
@@ -71,7 +71,7 @@ void ListComponents(const Pairing& pairing, const FlatImport& imported, const Ex
   for (std::int32_t f = 0; f < num_faces; ++f) {
     for (const std::int32_t v : faces[f]) face_at[v] = f;
     if (!of_surface(f)) continue;
-    const std::int32_t first = components.Find(piece[f]);  // the lowest: seen before
+    const std::int32_t first = components.Find(piece[f]);  // the lowest piece of the component, seen before
     if (number[first] < 0) {
       number[first] = static_cast<std::int32_t>(result->components.size());
       Component& component = result->components.emplace_back();
@@ -96,7 +96,7 @@ void ListComponents(const Pairing& pairing, const FlatImport& imported, const Ex
     --component.euler_characteristic;
     if (o >= 0) continue;
     ++component.boundary_edges;
-    // As many loops as fans on the boundary, less one for each edge that joins two of them.
+    // The number of loops is the number of fans on the boundary, minus one for each edge that joins two of them.
     const std::int32_t from = fans.Find(Origin(faces, c)), to = fans.Find(Target(faces, c));
     on_boundary[from] = on_boundary[to] = 1;
     if (loops.Join(from, to)) --component.boundary_loops;
@@ -149,7 +149,7 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
     result->box_max = any ? result->box_max.cwiseMax(p).eval() : p;
     any = true;
   }
-  std::vector<std::int32_t> finite;  // faces of the surface
+  std::vector<std::int32_t> finite;  // faces of the surface with finite positions
   for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
     if (pairing.kind[f] == FaceKind::kWithArea && !pairing.is_copy(f)) finite.push_back(f);
   }
@@ -168,14 +168,14 @@ std::string FirstIds(const std::vector<std::int64_t>& list) {
   return ids::IdList(std::span(list).first(std::min(kMaxDiagnosed, list.size())));
 }
 
-// `before` and `after` stand round the number of edges.
+// The message is `before`, the number of edges, `after`.
 absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
   const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
   return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
                    {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
 }
 
-// The error of CheckDisc() if the mesh is no disc.
+// OK, or the error of CheckDisc().
 absl::Status CheckDisc(const Diagnosis& d, const FlatImport& imported) {
   if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
   std::vector<std::int64_t> degenerate;
@@ -234,8 +234,8 @@ absl::Status CheckDisc(const Diagnosis& d, const FlatImport& imported) {
                                   "; a disc has one boundary loop: cut the surface open along a seam"),
                      0, {{"genus", genus}});
   }
-  // Longest first, then by the lowest vertex on each.
-  std::vector<std::pair<std::int64_t, std::int64_t>> longest;  // minus the edges, the vertex
+  // Longest first, then by the lowest vertex of each.
+  std::vector<std::pair<std::int64_t, std::int64_t>> longest;  // minus the number of edges, and the vertex
   for (std::int32_t i = 0; i < loops.count(); ++i) {
     std::int64_t lowest = std::numeric_limits<std::int64_t>::max();
     for (const std::int32_t c : loops[i]) {
@@ -378,7 +378,7 @@ absl::StatusOr<FlatImport> ImportDisc(const Mesh& mesh, const Execution& executi
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   FlatImport imported = ImportFlat(mesh, std::move(pairing.opposite));
   const Diagnosis diagnosis = DescribeImport(mesh, pairing, imported, execution);
-  // What was found after a cancellation may be wrong.
+  // After a cancellation the diagnosis may be wrong.
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_RETURN_IF_ERROR(CheckDisc(diagnosis, imported));
   return imported;

@@ -9,7 +9,7 @@ EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_verti
                           const std::vector<char>& takes_part) {
   const auto num_half_edges = static_cast<std::int32_t>(3 * faces.size());
   const auto is_left_out = [&](std::int32_t c) { return !takes_part.empty() && !takes_part[c / 3]; };
-  // A counting sort by the smaller end leaves one short list per vertex, sorted by the larger end below.
+  // A counting sort by the smaller end gives a short list for each vertex, which is sorted by the larger end below.
   std::vector<std::int32_t> bucket(num_vertices + 1, 0);
   for (std::int32_t c = 0; c < num_half_edges; ++c) {
     if (!is_left_out(c)) ++bucket[std::min(Origin(faces, c), Target(faces, c)) + 1];

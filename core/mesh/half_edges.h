@@ -1,9 +1,9 @@
-// Half-edges: how they are numbered in flat arrays, which of them lie on the same edge, and how to walk from one to the
-// next: round a vertex, along the boundary, from face to face.
+// Half-edges: their numbers in flat arrays, which of them share an edge, and how to walk between them: round a vertex,
+// along the boundary, from face to face.
 //
-// These are the only such walks in core. They take any `links`: FlatLinks below for flat arrays, Gluing
-// (core/charts/gluing.h) for the charts of a surface. Next() and Prev() go round a face, Across() leads to the
-// half-edge of the neighbouring face on the same edge, or to an invalid one on the boundary.
+// Core has no other such walks. They accept any `links`: FlatLinks below for flat arrays, Gluing (core/charts/gluing.h)
+// for the charts of a surface. Next() and Prev() go round a face. Across() leads to the neighbouring face's half-edge
+// on the same edge, or to an invalid half-edge on the boundary.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace planish {
 
-// Half-edge c = 3 f + k runs from v_{k+1} to v_{k+2}: it is the one that corner k of face f faces.
+// Half-edge c = 3 f + k runs from v_{k+1} to v_{k+2}: corner k of face f faces it.
 inline std::int32_t Origin(const std::vector<Face>& faces, std::int32_t c) {
   return faces[c / 3][Next(c % 3)];
 }
@@ -23,7 +23,7 @@ inline std::int32_t Target(const std::vector<Face>& faces, std::int32_t c) {
   return faces[c / 3][Prev(c % 3)];
 }
 
-// Half-edges by number; `opposite` has the one across, -1 on the boundary.
+// Half-edges by number. `opposite` has the half-edge on the other side of the edge, -1 on the boundary.
 struct FlatLinks {
   using HalfEdge = std::int32_t;
   const std::vector<std::int32_t>& opposite;
@@ -34,16 +34,16 @@ struct FlatLinks {
   static bool IsValid(std::int32_t c) { return c >= 0; }
 };
 
-// A manifold mesh in flat arrays: faces, and the half-edge across each half-edge, -1 on the boundary.
+// A manifold mesh in flat arrays: faces, and the opposite of each half-edge, -1 on the boundary.
 struct FlatMesh {
   std::vector<Face> faces;
   std::vector<std::int32_t> opposite;
   std::vector<Vec3> positions;
 };
 
-// Calls visit(h) for every half-edge h that faces the same vertex as `start` in the faces joined round it:
-// counter-clockwise from `start`, then, where that ends at the boundary, clockwise from `start`. Returns whether the
-// faces go all the way round.
+// Calls visit(h) for every half-edge h that faces the same vertex as `start`, in the fan of faces round that vertex:
+// counter-clockwise from `start` and, if that ends at the boundary, then clockwise from `start`. Returns whether the
+// fan is closed.
 template <typename Links, typename Visit>
 bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visit& visit) {
   auto h = start;
@@ -62,8 +62,8 @@ bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visi
   return true;
 }
 
-// The faces of half-edges that are joined like this. Every fan of corners is a vertex. Vertices are numbered in the
-// order of their lowest corners, and visit(c) is called for the lowest corner c of each, in that order.
+// The faces of half-edges that are joined by `opposite`. Every fan of corners becomes a vertex. Vertices are numbered
+// in the order of their lowest corners; calls visit(c) for the lowest corner c of each, in that order.
 template <typename Visit>
 std::vector<Face> FacesOfFans(const std::vector<std::int32_t>& opposite, const Visit& visit) {
   std::vector<Face> faces(opposite.size() / 3, {-1, -1, -1});
@@ -77,8 +77,8 @@ std::vector<Face> FacesOfFans(const std::vector<std::int32_t>& opposite, const V
   return faces;
 }
 
-// The half-edge on the boundary that starts where boundary half-edge h ends, and the one that ends where it starts.
-// Both have a face.
+// The boundary half-edge that starts where boundary half-edge h ends, and the one that ends where h starts. All of
+// these belong to a face.
 template <typename Links>
 typename Links::HalfEdge NextOnBoundary(const Links& links, typename Links::HalfEdge h) {
   h = links.Next(h);
@@ -92,7 +92,7 @@ typename Links::HalfEdge PreviousOnBoundary(const Links& links, typename Links::
   return h;
 }
 
-// Calls visit(h) for every half-edge h of the boundary loop of `start`, from there on.
+// Calls visit(h) for every half-edge h of the boundary loop of `start`, beginning there.
 template <typename Links, typename Visit>
 void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Visit& visit) {
   auto h = start;
@@ -102,7 +102,7 @@ void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Vis
   } while (h != start);
 }
 
-// Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
+// Boundary half-edges, counter-clockwise round the faces, one group for each loop.
 using Loops = Groups;
 
 // All loops, in the order of their first half-edges.
@@ -129,7 +129,7 @@ class UnionFind {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
-  // Returns whether they were in two sets.
+  // Returns whether they were in different sets.
   bool Join(std::int32_t i, std::int32_t j) {
     i = Find(i), j = Find(j);
     parent_[i < j ? j : i] = i < j ? i : j;
@@ -140,8 +140,8 @@ class UnionFind {
   std::vector<std::int32_t> parent_;
 };
 
-// Per face: the number of its connected piece, ascending with the lowest face of each; -1 where takes_part(f) is false.
-// neighbour(f, k) is the face across the edge that corner k faces, or -1. Sets `count`.
+// Per face: the number of its connected piece, ascending with the pieces' lowest faces; -1 where takes_part(f) is
+// false. neighbour(f, k) is the face across the edge that corner k faces, or -1. Sets `count` to the number of pieces.
 template <typename TakesPart, typename Neighbour>
 std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const TakesPart& takes_part,
                                           const Neighbour& neighbour) {
@@ -165,15 +165,15 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
-// The same of all faces.
+// The same with all faces taking part.
 template <typename Neighbour>
 std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const Neighbour& neighbour) {
   const auto all = [](std::int32_t) { return true; };
   return ConnectedPieces(num_faces, count, all, neighbour);
 }
 
-// Numbers anew what has labels in [0, num_labels): 0, 1, 2, ... in the order in which labels come first; -1 stays.
-// Returns how many different labels there are.
+// Renumbers labels in [0, num_labels) to 0, 1, 2, ... in the order of their first appearance; -1 stays. Returns the
+// number of different labels.
 inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32_t>* labels) {
   std::vector<std::int32_t> number(num_labels, -1);
   std::int32_t count = 0;
@@ -185,11 +185,11 @@ inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32
   return count;
 }
 
-// Half-edges, ascending, of each undirected edge. Edges ascend by their lower, then by their higher vertex.
+// The half-edges of each undirected edge, ascending. Edges ascend by their lower, then by their higher vertex.
 using EdgeGroups = Groups;
 
-// O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), with vertices in
-// [0, num_vertices). Half-edges from a vertex to itself are a group, too. No groups after a cancellation.
+// O(F) for bounded valence. Vertices must be in [0, num_vertices). Faces whose `takes_part` is 0 are left out (empty:
+// all take part). Half-edges from a vertex to itself form a group, too. No groups after a cancellation.
 EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {},
                           const std::vector<char>& takes_part = {});
 

@@ -26,7 +26,7 @@ FaceKind KindOf(const Mesh& mesh, const Face& face) {
   return IsDegenerateTriangle(p, q, r) ? FaceKind::kWithoutArea : FaceKind::kWithArea;
 }
 
-// How many earlier faces have the same three vertices.
+// Per face, the number of earlier faces with the same three vertices.
 std::vector<std::int32_t> Layers(const std::vector<Face>& faces) {
   std::vector<std::int32_t> layer(faces.size(), 0);
   std::vector<Face> keys = faces;
@@ -39,7 +39,7 @@ std::vector<std::int32_t> Layers(const std::vector<Face>& faces) {
   return layer;
 }
 
-// Whether some face may be a copy. Of two faces at one edge the third vertices tell.
+// Whether some face may be a copy: two faces at one edge have the same third vertex.
 bool MayHaveCopies(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
   return execution.Count(edges.count(), [&](std::int64_t e) {
     const std::span<const std::int32_t> at = edges[static_cast<std::int32_t>(e)];
@@ -47,7 +47,7 @@ bool MayHaveCopies(const std::vector<Face>& faces, const EdgeGroups& edges, cons
   }) > 0;
 }
 
-// Of the face at half-edge c, of length 1 as long as the face has area; otherwise zero.
+// The unit normal of the face at half-edge c; zero if the face has no area.
 Vec3 UnitNormal(const Mesh& mesh, std::int32_t c) {
   const auto& [i, j, k] = mesh.faces[c / 3];
   const Vec3 u = (mesh.positions[j] - mesh.positions[i]).stableNormalized();
@@ -61,22 +61,22 @@ void Join(std::int32_t c, std::int32_t d, Pairing* pairing) {
   pairing->opposite[d] = c;
 }
 
-// Two half-edges of an edge of more than two faces that might be joined, one in either direction. Those that come
-// first are joined first.
+// Two half-edges in opposite directions, at an edge of more than two faces, that might be joined. Pairs are joined in
+// ascending order.
 struct Pair {
-  std::int64_t bend;  // 0: flat, growing up to folded; beyond: one of the two has no area
-  bool is_reflex;     // the faces turn towards each other on the side of their normals
-  int neighbours;     // of the two faces: 6 less the edges at which they are the only face
+  std::int64_t bend;  // 0: flat, growing up to folded; larger if one face has no area
+  bool is_reflex;     // whether the faces turn towards each other on the side of their normals
+  int neighbours;     // of the two faces: 6 minus the number of edges without another face
   std::int32_t forth, back;
 
   auto operator<=>(const Pair&) const = default;
 };
 
-// The pairs of half-edges that stay joined where more than two faces meet, those that bend least first. Of equal bends,
-// as where two boxes touch along an edge, those come first that enclose a solid, then those of faces with fewer
-// neighbours: a flap that lies on another face has no other place to go on to. The rest is by number. So a sheet goes
-// on through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and scale
-// change nothing. Faces without area have no direction and take what is left over. `open_edges`: per face.
+// Joins pairs of half-edges where more than two faces meet, those that bend least first. If bends are equal, as where
+// two boxes touch along an edge, pairs that enclose a solid come first, then pairs of faces with fewer neighbours: a
+// flap that lies on another face has nothing else to be joined to. Remaining ties are broken by number. So a sheet
+// continues through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and
+// scale change nothing. Faces without area have no direction and are joined last. `open_edges`: per face.
 void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std::vector<char>& open_edges,
                   Pairing* pairing) {
   constexpr double kBendUnit = 1e-6;
@@ -104,7 +104,8 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std:
   }
 }
 
-// Joins the half-edges of `at`, all on one edge, that are the two sides of a polygon's diagonal, and removes them.
+// Joins the half-edges of `at`, all on one edge, that are the two sides of a diagonal of a polygon, and removes them
+// from `at`.
 void JoinDiagonals(const Mesh& mesh, std::span<const std::int32_t> polygon, std::vector<std::int32_t>* at,
                    Pairing* pairing) {
   if (at->size() == 2) {
@@ -114,7 +115,7 @@ void JoinDiagonals(const Mesh& mesh, std::span<const std::int32_t> polygon, std:
     at->clear();
     return;
   }
-  // By polygon: a sort, since thousands of faces may share an edge. Half-edges of one polygon stay ascending.
+  // Sorts by polygon, since thousands of faces may share an edge. Half-edges of a polygon stay ascending.
   std::vector<std::int32_t> sorted = *at;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [&](std::int32_t c, std::int32_t d) { return polygon[c / 3] < polygon[d / 3]; });
@@ -122,7 +123,7 @@ void JoinDiagonals(const Mesh& mesh, std::span<const std::int32_t> polygon, std:
   for (std::size_t begin = 0, end; begin < sorted.size(); begin = end) {
     end = begin + 1;
     while (end < sorted.size() && polygon[sorted[end] / 3] == polygon[sorted[begin] / 3]) ++end;
-    std::vector<std::int32_t> waiting;  // all run along the edge the same way
+    std::vector<std::int32_t> waiting;  // all run along the edge in the same direction
     for (std::size_t i = begin; i < end && end - begin > 1; ++i) {
       const std::int32_t c = sorted[i];
       if (waiting.empty() || Origin(mesh.faces, waiting.back()) == Origin(mesh.faces, c)) {
@@ -137,9 +138,9 @@ void JoinDiagonals(const Mesh& mesh, std::span<const std::int32_t> polygon, std:
   if (any) std::erase_if(*at, [&](std::int32_t c) { return pairing->opposite[c] >= 0; });
 }
 
-// The policy: which of the half-edges at one edge, all of one layer, are joined. Only half-edges that run along the
-// edge in opposite directions are: charts end where faces are wound against each other. Edges of more than two are
-// left to JoinFlattest().
+// Decides which of the half-edges at one edge, all of one layer, are joined: only those that run along the edge in
+// opposite directions, since charts end where orientations disagree. Leaves edges of more than two half-edges to
+// JoinFlattest().
 void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pairing) {
   if (at.size() < 2) return;
   if (at.size() > 2) {
@@ -190,7 +191,7 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
     }
   }
   if (purpose == JoinFor::kDiagnosis) return pairing;
-  // Of more than two half-edges at an edge as many pairs as there are are joined, unless there are too many to be a
+  // At an edge of more than two half-edges, as many pairs as possible are joined, unless there are too many for a
   // surface.
   for (std::int64_t e = 0; e < std::ssize(pairing.non_manifold) && !execution.IsCancelledAt(e); ++e) {
     const std::vector<std::int32_t>& many = pairing.non_manifold[e];
@@ -201,7 +202,7 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 
 namespace {
 
-// Numbers vertices anew, by their sources.
+// Renumbers vertices in the order of their sources.
 void SortBySource(std::int64_t num_sources, FlatImport* flat) {
   const auto bucket = [&](std::int32_t v) {
     const std::int32_t source = flat->source[v];
@@ -237,7 +238,7 @@ FlatImport ImportFlat(const Mesh& mesh, std::vector<std::int32_t> opposite) {
   return flat;
 }
 
-// Sets all handles directly: add_face() would look for edges that are known here.
+// Sets all handles directly, since add_face() would search for edges that are known here.
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
   const auto [flat, source] = ImportFlat(mesh, opposite);
   const auto num_corners = static_cast<std::int32_t>(opposite.size());
@@ -247,7 +248,7 @@ TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) 
     const std::int32_t o = opposite[c];
     half_edge[c] = o >= 0 && o < c ? half_edge[o] + 1 : 2 * num_edges++;
   }
-  // It would write to stderr what callers see for themselves.
+  // OpenMesh would report on stderr what callers detect themselves.
   [[maybe_unused]] static const bool is_silent = (omerr().disable(), true);
   TriMesh linked;
   linked.resize(source.size(), num_edges, num_corners / 3);

@@ -1,5 +1,5 @@
-// Positions far from the origin, where float has too few digits for them. Without a source file: the client library
-// contains core/base and core/draco only.
+// Moves meshes far from the origin, where float has too few digits. Header-only, since the client library contains only
+// core/base and core/draco.
 #pragma once
 
 #include <algorithm>
@@ -12,15 +12,15 @@
 namespace planish {
 
 // The point to subtract from positions, in double, before they are rounded to float. Rounding then moves no vertex by
-// more than 2^-23 of the longest side of the bounding box, however far the mesh lies from the origin. Angles, areas and
-// so the UV do not depend on the point.
+// more than 2^-23 of the longest side of the bounding box, however far the mesh is from the origin. Angles and areas,
+// and so the UV, do not depend on the point.
 //
-// A coordinate is 0 where the box lies within its longest side of the origin, and all are 0 if each position is a float
-// already: such meshes keep their bytes. Otherwise it is the middle of the box, rounded to a power of two above a
-// quarter of the longest side, so that subtracting it from a position is exact. NaN and infinity are ignored.
+// A coordinate is 0 if the box is within its longest side of the origin; all are 0 if every position already is a
+// float, so that such meshes keep their bytes. Otherwise it is the middle of the box, rounded to a multiple of a power
+// of two above a quarter of the longest side, so that subtracting it is exact. NaN and infinity are ignored.
 //
-// The clients have this rule three times, here and in client/python/planish/mesh.py and
-// client/blender/planish_blender/meshes.py: the same mesh gets the same UV from each of them.
+// The clients implement this rule three times: here, in client/python/planish/mesh.py and in
+// client/blender/planish_blender/meshes.py. So each of them gets the same UV for the same mesh.
 inline Vec3 LocalOrigin(const std::vector<Vec3>& positions) {
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
   bool is_float = true;

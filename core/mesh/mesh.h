@@ -1,4 +1,4 @@
-// Indexed triangle mesh: positions and faces, nothing derived.
+// Indexed triangle mesh: positions and faces, no derived data.
 #pragma once
 
 #include <algorithm>
@@ -20,19 +20,19 @@ struct Mesh {
 
   std::int64_t num_vertices() const { return static_cast<std::int64_t>(positions.size()); }
   std::int64_t num_faces() const { return static_cast<std::int64_t>(faces.size()); }
-  // Whether the face refers to vertices that exist.
+  // Whether all vertices of the face exist.
   bool IsInRange(const Face& face) const {
     return std::all_of(face.begin(), face.end(), [&](std::int32_t v) { return v >= 0 && v < num_vertices(); });
   }
 };
 
-// The corners of a face, at the positions of its vertices.
+// The positions of a face's corners.
 template <typename Point>
 std::array<Point, 3> TriangleOf(const std::vector<Point>& positions, const Face& face) {
   return {positions[face[0]], positions[face[1]], positions[face[2]]};
 }
 
-// Corner k of face f is number 3 f + k wherever values per corner are stored: angles, UV.
+// Arrays with a value for each corner (angles, UV) have that of corner k of face f at 3 f + k.
 constexpr int Next(int k) {
   return k == 2 ? 0 : k + 1;
 }

@@ -25,7 +25,7 @@ class Expansion {
   }
 
  private:
-  // Grow-expansion with two-sum.
+  // Grow-expansion by two-sums.
   void Add(double value) {
     double sum = value;
     for (int i = 0; i < size_; ++i) {
@@ -41,8 +41,8 @@ class Expansion {
   int size_ = 0;
 };
 
-// The first corner k of the counter-clockwise triangle s so that its edge from k to the next one has all of t on its
-// outer side or on it; -1 if there is none.
+// The first corner k of the counter-clockwise triangle s such that all of t is on or outside of the edge from k to the
+// next corner; -1 if there is none.
 int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   for (int k = 0; k < 3; ++k) {
     const Vec2 &from = s[k], &to = s[Next(k)];
@@ -53,7 +53,7 @@ int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   return -1;
 }
 
-// Products of numbers of such a size, and what these are short of by rounding, neither overflow nor underflow.
+// Within these exponents, products and their rounding errors neither overflow nor underflow.
 constexpr int kLeastExponent = -484, kMostExponent = 500;
 
 bool HasExactProducts(double x) {
@@ -61,7 +61,7 @@ bool HasExactProducts(double x) {
   return size == 0 || (size >= std::ldexp(1.0, kLeastExponent) && size < std::ldexp(1.0, kMostExponent));
 }
 
-// Of points whose coordinates have exact products.
+// For points whose coordinates have exact products.
 int SignByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   Expansion determinant;
   determinant.AddProduct(a.x(), b.y());
@@ -76,7 +76,7 @@ int SignByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
 }  // namespace
 
 int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
-  // As often as triangles share a corner.
+  // Common, since triangles share corners.
   if (a == b || b == c || c == a) return 0;
   const auto is_exact = [](const Vec2& p) { return HasExactProducts(p.x()) && HasExactProducts(p.y()); };
   if (is_exact(a) && is_exact(b) && is_exact(c)) return SignByExpansion(a, b, c);
@@ -94,7 +94,7 @@ bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {
 }
 
 int VerticalOrder(const Vec2 s[3], const Vec2 t[3]) {
-  // An edge that runs to the right has its own triangle above.
+  // A triangle lies above its edges that run to the right.
   if (const int k = SeparatingEdge(s, t); k >= 0) return SweepsFirst(s[k], s[Next(k)]) ? 1 : -1;
   if (const int k = SeparatingEdge(t, s); k >= 0) return SweepsFirst(t[k], t[Next(k)]) ? -1 : 1;
   return 0;

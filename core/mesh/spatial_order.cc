@@ -12,14 +12,14 @@ namespace {
 
 constexpr int kCellBits = 21;
 
-// A Hilbert curve passes the eight parts of a cube one after the other, and each of them in the same way up to a
-// symmetry of the cube: a state. Which part comes when, and the state in it, is Hamilton's construction ("Compact
-// Hilbert Indices", 2006): `entry` is the corner where the curve enters and `axis` the one along which it leaves.
+// A Hilbert curve visits the eight octants of a cube one after the other, and each of them in the same way up to a
+// symmetry of the cube, the state. The order of the octants and their states follow Hamilton's construction ("Compact
+// Hilbert Indices", 2006): `entry` is the corner where the curve enters and `axis` the direction in which it leaves.
 struct Step {
-  std::uint8_t when;   // the part is passed, 0 to 7
-  std::uint8_t state;  // in it
+  std::uint8_t when;   // position of the octant along the curve, 0 to 7
+  std::uint8_t state;  // within the octant
 };
-using Steps = std::array<std::array<Step, 8>, 24>;  // by state and part, bit i of which is the half along axis i
+using Steps = std::array<std::array<Step, 8>, 24>;  // by state and octant; bit i of the octant is the half along axis i
 
 constexpr unsigned RotateLeft(unsigned x, unsigned by) {
   return (x << by % 3 | x >> (3 - by % 3)) & 7;
@@ -46,7 +46,7 @@ constexpr Steps MakeSteps() {
   return steps;
 }
 
-// How far along the curve the cell lies.
+// The position of the cell along the curve.
 std::uint64_t HilbertIndex(const std::array<std::uint32_t, 3>& cell) {
   static constexpr Steps kSteps = MakeSteps();
   std::uint64_t index = 0;
@@ -65,7 +65,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, con
                                          const Execution& execution) {
   Eigen::AlignedBox3d box;
   for (const std::int32_t v : vertices) box.extend(positions[v]);
-  // In halves, which cannot overflow.
+  // Halved, which cannot overflow.
   const double extent = (box.max() / 2 - box.min() / 2).maxCoeff();
   constexpr double kLastCell = (1 << kCellBits) - 1;
   std::vector<KeyedIndex> entries(vertices.size());

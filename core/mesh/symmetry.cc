@@ -12,10 +12,10 @@
 namespace planish {
 namespace {
 
-constexpr double kTolerance = 1e-3;  // of the diagonal
+constexpr double kTolerance = 1e-3;   // of the diagonal
 constexpr double kLeastShare = 0.99;  // of the area
 
-// The vertices of a mesh, by cells of space.
+// The vertices of a mesh in a grid of cells.
 class Cells {
  public:
   Cells(const Mesh& mesh, double reach) : mesh_(mesh), reach_(reach), next_(mesh.positions.size(), -1) {
@@ -48,7 +48,7 @@ class Cells {
   }
 
  private:
-  // More than twice the reach a side, so that eight cells are looked at at most.
+  // Cells are wider than twice the reach, so that at most eight are searched.
   std::array<std::int64_t, 3> CellOf(const Vec3& p) const {
     const Vec3 cell = (p / (2.5 * reach_)).array().floor();
     return {static_cast<std::int64_t>(cell.x()), static_cast<std::int64_t>(cell.y()),
@@ -81,7 +81,7 @@ class Finder {
     const double diagonal = (high - low).norm();
     const bool are_finite =
         std::all_of(mesh_.positions.begin(), mesh_.positions.end(), [](const Vec3& p) { return p.allFinite(); });
-    // Cells are counted from the origin.
+    // Cells are counted from the origin, so a mesh far from it has too many.
     constexpr double kFarthest = 1e3;
     if (!are_finite || !(diagonal > 0) || !std::isfinite(diagonal) ||
         std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff()) > kFarthest * diagonal) {
@@ -121,7 +121,7 @@ class Finder {
     return p;
   }
 
-  // By some of the vertices.
+  // A quick check of the plane on some of the vertices.
   bool IsLikely(const Cells& cells, int axis, double place) const {
     constexpr std::size_t kSome = 256;
     std::size_t hits = 0, count = 0;
@@ -158,7 +158,8 @@ class Finder {
     const auto drop = [&](std::int32_t f) {
       for (int k = 0; k < 3; ++k) mirror.corner[3 * f + k] = -1;
     };
-    // Images that are not each other's are none; nor are those of a polygon in several, or in itself.
+    // Removes images that are not mutual, and images of a polygon that lie in several polygons or in the polygon
+    // itself.
     std::vector<char> is_wrong(mesh_.faces.size(), 0);
     std::vector<std::int32_t> polygon_image(mesh_.faces.size(), -1);
     for (bool goes_on = true; goes_on;) {
@@ -193,7 +194,7 @@ class Finder {
       matched += area_[f];
       const std::int32_t g = mirror.corner[3 * f] / 3;
       const std::int32_t p = polygon_.empty() ? f : polygon_[f], q = polygon_.empty() ? g : polygon_[g];
-      // The first triangle of a polygon decides for all of them.
+      // The first triangle of a polygon decides for all of its triangles.
       if (is_decided[p] == 0) {
         const auto [a, b, c] = TriangleOf(mesh_.positions, mesh_.faces[f]);
         const double side = (a[axis] + b[axis] + c[axis]) / 3 - place;

@@ -23,11 +23,11 @@ using rays::Point;
 using rays::Solid;
 using rays::operator-;
 
-constexpr std::size_t kRays = 16;                         // from each face that is looked at
-constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // in all, at most
-constexpr float kAbove = 1e-4F;                           // where rays begin, in diagonals of the mesh
+constexpr std::size_t kRays = 16;                         // from each sampled face
+constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // upper bound of the total
+constexpr float kAbove = 1e-4F;  // distance of the rays' origins above the surface, in diagonals of the mesh
 
-// Directions about the z axis, spread evenly by their cosine (Vogel's spiral).
+// Directions about the z axis, distributed by their cosine (Vogel's spiral).
 std::array<Point, kRays> Directions() {
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
   std::array<Point, kRays> directions;
@@ -40,7 +40,7 @@ std::array<Point, kRays> Directions() {
   return directions;
 }
 
-// The share of the rays from a place that meet nothing. `normal` has length 1.
+// The share of the rays from a place that hit nothing. `normal` has length 1.
 float OpenShare(const Solid& solid, const Point& place, const Point& normal,
                 const std::array<Point, kRays>& directions) {
   Point x = Cross(std::abs(normal[0]) < 0.7F ? Point{1, 0, 0} : Point{0, 1, 0}, normal);
@@ -57,7 +57,7 @@ float OpenShare(const Solid& solid, const Point& place, const Point& normal,
   return static_cast<float>(open) / static_cast<float>(kRays);
 }
 
-// The same from the middle of a triangle; 1 for one without area.
+// The same from the middle of a triangle; 1 if it has no area.
 float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
   Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]), middle;
   if (!Normalize(&normal)) return 1;
@@ -73,7 +73,7 @@ std::size_t MostPlaces(const RayScene& scene) {
 
 constexpr std::int64_t kSamples = 64;  // of a chunk
 
-// Spreads what some faces have to the others, over vertices.
+// Spreads the values of the sampled faces to the others, over shared vertices.
 void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<float>* value) {
   const std::vector<Face>& faces = mesh.faces;
   const Groups at = GroupByKey(static_cast<std::int32_t>(3 * faces.size()), mesh.num_vertices(),
@@ -121,7 +121,7 @@ std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution) 
         }
       },
       kSamples);
-  // What no vertex leads to has the value of what is near in space.
+  // Faces that share no vertices with sampled ones take the value of a face near in space.
   for (std::size_t i = 0; i < faces.size(); ++i) visibility[faces[i]] = visibility[faces[i - i % stride]];
   Spread(mesh, std::move(sampled), &visibility);
   return visibility;

@@ -8,12 +8,12 @@ namespace planish {
 namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
-// Silhouettes that a row takes before its longest run of free cells is measured again.
+// Silhouettes added to a row before its longest run of free cells is measured again.
 constexpr int kStale = 8;
-// What a search costs beside the rim's cells, in nanoseconds: a row; a probe of some places, and a word of these.
+// What a search costs in nanoseconds, beside the cells of the rim: for each row, each probe, and each word of a probe.
 constexpr std::int64_t kNanosPerRow = 1, kNanosPerProbe = 4, kNanosPerWord = 2;
 
-// Of bits that are 0.
+// The longest run of bits that are 0.
 int LongestRun(const std::uint64_t* words, int count) {
   int longest = 0, run = 0;
   for (int w = 0; w < count; ++w) {
@@ -33,7 +33,7 @@ int LongestRun(const std::uint64_t* words, int count) {
 
 }  // namespace
 
-// The row with the longest span first, then the first and the last, then what lies between, spread out.
+// First the row with the longest span, then the first and the last row, then rows in between, spread out.
 Probes::Probes(const Silhouette& s) {
   all.reserve(s.spans.size());
   std::vector<std::int32_t> longest_of(s.height, 0);
@@ -74,7 +74,7 @@ Rim MakeRim(const Silhouette& s, int most) {
   const auto row = [&](int y) {
     return y < 0 || y >= s.height ? std::pair(0, 0) : std::pair(s.row_begin[y], s.row_begin[y + 1]);
   };
-  // Left and right neighbours of spans, and what lies above or below a span but in none itself.
+  // Left and right neighbours of spans, and cells above or below a span that are in no span themselves.
   for (int y = -1; y <= s.height; ++y) {
     const auto [begin, end] = row(y);
     for (int i = begin; i < end; ++i) {
@@ -84,7 +84,7 @@ Rim MakeRim(const Silhouette& s, int most) {
     for (const int other : {y - 1, y + 1}) {
       const auto [other_begin, other_end] = row(other);
       for (int i = other_begin; i < other_end; ++i) {
-        // The parts of the span that lie between those of row y.
+        // The parts of the span that no span of row y covers.
         int x = s.spans[i].begin;
         const auto add_until = [&](int to) {
           for (; x < std::min(to, s.spans[i].end); ++x) add(x, y);
@@ -101,7 +101,7 @@ Rim MakeRim(const Silhouette& s, int most) {
   if (count > most) {
     for (int i = 0; i < most; ++i) rim.cells[i] = rim.cells[i * count / most];
     rim.cells.resize(most);
-    rim.cells.shrink_to_fit();  // thousands are kept
+    rim.cells.shrink_to_fit();  // thousands of rims are kept
   }
   return rim;
 }
@@ -109,7 +109,7 @@ Rim MakeRim(const Silhouette& s, int most) {
 Board::Board(int most_side, int longest) : stride_((most_side + 2 * kMargin + 63) / 64 + 2) {
   assert(most_side <= kMostCells);
   const int size = most_side + 2 * kMargin;
-  // What tells of the longest span that fits.
+  // Enough levels to test the longest span that fits.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size, kAll));
 }
@@ -138,7 +138,7 @@ void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work
     std::uint64_t* const taken = levels_[0].data() + static_cast<std::size_t>(row) * stride_;
     const int begin_row = std::max(0, ((row - kMargin) << shift) - y);
     const int end_row = std::min(s.height, ((row - kMargin + 1) << shift) - y);
-    int lowest = size_, highest = -1;  // cells that are taken now
+    int lowest = size_, highest = -1;  // cells newly taken in this row
     for (std::int32_t i = s.row_begin[begin_row]; i < s.row_begin[end_row]; ++i) {
       const int begin = std::max(0, kMargin + ((x + s.spans[i].begin) >> shift));
       const int last = std::min(size_ - 1, kMargin + ((x + s.spans[i].end - 1) >> shift));
@@ -154,7 +154,7 @@ void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work
       *work += stride_;
     }
     for (std::size_t k = 1; k < levels_.size(); ++k) {
-      // Runs that hold one of these cells begin less than their length before it.
+      // A run that holds one of these cells begins less than its length before it.
       const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
       const int reach = 1 << (k - 1), q = reach >> 6, b = reach & 63;
       const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(row) * stride_;
@@ -177,13 +177,13 @@ bool Board::FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int
   std::fill_n(free, count, kAll);
   std::int64_t read = 0;
   std::uint64_t any = kAll;
-  int begin = 0, end = count;  // words with places; all of few words are read
+  int begin = 0, end = count;  // words that have places left; all, if there are few
   for (const Probes::Probe& probe : probes.all) {
     assert(probe.level < std::ssize(levels_));
     const std::uint64_t* const row = Row(probe.level, y + probe.row);
     const std::uint64_t* const a = row + probe.words[0];
     const std::uint64_t* const b = row + probe.words[1];
-    // A shift by 64 in two steps: 64 - 0 is out of range.
+    // In two steps, since a shift by 64 is undefined.
     const int right_a = probe.bits[0], left_a = 63 - right_a, right_b = probe.bits[1], left_b = 63 - right_b;
     any = 0;
     read += kNanosPerProbe + kNanosPerWord * (end - begin);
@@ -229,7 +229,7 @@ int Board::FindSpot(const Silhouette& s, const Rim& rim, const Probes& probes, i
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
   if (columns <= 0 || rows <= 0) return -1;
   const int words = (columns + 63) / 64;
-  // The places of three rows on end, one word of nothing before and after each.
+  // The places of three consecutive rows, each between two words of zeros.
   const int width = words + 2;
   std::vector<std::uint64_t> window(static_cast<std::size_t>(3) * width, 0);
   const auto places = [&](int y) { return window.data() + static_cast<std::size_t>(y % 3) * width + 1; };
@@ -247,7 +247,7 @@ int Board::FindSpot(const Silhouette& s, const Rim& rim, const Probes& probes, i
     if (!any[y % 3]) continue;
     if (found < 0) found = y;
     *work += 3 * words;
-    const std::uint64_t *here = places(y), *above = places(y + 1), *below = places(y + 2);  // y - 1
+    const std::uint64_t *here = places(y), *above = places(y + 1), *below = places(y + 2);  // below: row y - 1
     for (int w = 0; w < words; ++w) {
       if (here[w] == 0) continue;
       const std::uint64_t left = here[w] << 1 | here[w - 1] >> 63, right = here[w] >> 1 | here[w + 1] << 63;

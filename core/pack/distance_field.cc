@@ -28,7 +28,7 @@ DistanceField::DistanceField(const Outline& outline, double spacing, double reac
   });
 }
 
-// Squares first.
+// Computes squares of distances first.
 void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
   for (const auto& [from, to] : outline.edges) {
     const Vec2 a = outline.points[from] - low_, along = outline.points[to] - outline.points[from];
@@ -39,7 +39,7 @@ void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
     const int left = std::max(0, static_cast<int>(std::ceil((std::min(a.x(), b.x()) - band) / spacing_)));
     const int right = std::min(columns_ - 1, static_cast<int>(std::floor((std::max(a.x(), b.x()) + band) / spacing_)));
     for (int y = y0; y <= y1; ++y) {
-      // The part of the edge near this row bounds the columns.
+      // The part of the edge near this row bounds the columns to visit.
       int x0 = left, x1 = right;
       if (std::abs(along.y()) > band) {
         const double t0 = (y * spacing_ - band - a.y()) / along.y(), t1 = (y * spacing_ + band - a.y()) / along.y();
@@ -59,7 +59,7 @@ void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
   for (float& value : values_) value = value < kFar ? std::sqrt(value) : kFar;
 }
 
-// From node to node, along the grid and its diagonals.
+// Propagates distances from node to node, along the grid and its diagonals.
 void DistanceField::Spread() {
   const auto side = static_cast<float>(spacing_), diagonal = static_cast<float>(spacing_ * 1.4142135623730951);
   const auto from_row = [&](const float* from, float* to) {
@@ -89,7 +89,7 @@ void DistanceField::Sample(const Vec2& first, const Vec2& step, int count, float
     const double x = g.x() + k * d.x(), y = g.y() + k * d.y();
     return x >= 0 && y >= 0 && x < size.x() && y < size.y();
   };
-  // The part of the line on the grid; rounding may leave one at its ends that is not.
+  // Clips the line to the grid. Rounding may leave one node beyond either end.
   double from = 0, to = count;
   for (int axis = 0; axis < 2; ++axis) {
     if (d[axis] == 0) continue;

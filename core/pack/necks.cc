@@ -15,13 +15,13 @@
 namespace planish {
 namespace {
 
-constexpr std::size_t kMostPoints = 64;  // of a part that are looked at
+constexpr std::size_t kMostPoints = 64;  // of a part; only these are considered
 
-// A part of the outline: points by their numbers there, counter-clockwise.
+// A part of the outline: indices of points, counter-clockwise.
 using Part = std::vector<std::int32_t>;
 
-// Those of a part's points that show its shape: always the one farthest from the lines between those chosen so far
-// (Ramer, Douglas and Peucker). Indices into the part, ascending.
+// The points that describe a part's shape best: repeatedly adds the point farthest from the lines between those chosen
+// so far (Ramer, Douglas and Peucker). Indices into the part, ascending.
 std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const Part& part) {
   const auto n = static_cast<std::int32_t>(part.size());
   struct Stretch {
@@ -54,7 +54,7 @@ std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const
   return chosen;
 }
 
-// A convex hull that grows point by point.
+// A convex hull to which points are added one by one.
 class GrowingHull {
  public:
   void Clear() {
@@ -76,7 +76,7 @@ class GrowingHull {
       }
       return;
     }
-    // The sides that p sees from outside are a chain; their inner points go, p comes in their place.
+    // The sides that p sees from outside form a chain. p replaces the chain's inner points.
     const auto next = [&](std::size_t i) { return i + 1 == n ? 0 : i + 1; };
     const auto outside = [&](std::size_t i) { return -DoubleArea(hull_[i], hull_[next(i)], p); };
     std::size_t first = 0;
@@ -98,7 +98,7 @@ class GrowingHull {
   }
 
   double Area() const { return doubled_area_ / 2; }
-  // Whether p is one of the corners.
+  // Whether p is a corner of the hull.
   bool HasCorner(const Vec2& p) const { return std::find(hull_.begin(), hull_.end(), p) != hull_.end(); }
 
  private:
@@ -124,7 +124,8 @@ bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
   return true;
 }
 
-// Per point of a polygon: the corners of its hull before and after it, both the point itself if it is a corner.
+// For each point of a polygon, the corners of its hull before and after it; both are the point itself if it is a
+// corner.
 std::vector<std::array<std::size_t, 2>> CornersAround(const std::vector<Vec2>& polygon, const GrowingHull& hull) {
   const std::size_t n = polygon.size();
   std::vector<std::size_t> corners;
@@ -140,7 +141,7 @@ std::vector<std::array<std::size_t, 2>> CornersAround(const std::vector<Vec2>& p
   return around;
 }
 
-// Where to cut a part, by indices into the part; from -1 if that gains too little.
+// The best cut of a part, as indices into the part; from = -1 if every cut gains too little.
 Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOptions& options) {
   const std::vector<std::int32_t> chosen = Characteristic(outline, part);
   const std::size_t n = chosen.size();
@@ -152,8 +153,9 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
   for (const Vec2& p : polygon) all.Add(p);
   const double whole = all.Area();
   if (!(whole - AreaWithin(polygon) > options.least_gain)) return {};  // no cut can gain more
-  // The hull of a part holds the corners of the whole hull on its side, and the two ends of the cut. So a cut gains no
-  // more than the triangles between its ends and the corners round these; from one pocket to itself, what it cuts off.
+  // The hull of a part holds the corners of the whole hull on its side and the two ends of the cut. So a cut gains at
+  // most the triangles between its ends and the corners next to them. A cut within one pocket gains at most what it
+  // cuts off.
   const std::vector<std::array<std::size_t, 2>> around = CornersAround(polygon, all);
   std::vector<double> pocket;
   for (std::size_t i = 0; i < n; ++i) {
@@ -168,8 +170,8 @@ Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOpti
     return std::abs(DoubleArea(polygon[before], p, q) + DoubleArea(polygon[before], q, polygon[after])) / 2 -
            cost(i, j);
   };
-  // From points in pockets hulls grow either way round: forth[i][k] is that of the k + 1 points from i on, back[i][k]
-  // that of those up to i.
+  // Hull areas, grown both ways from each point in a pocket: forth[i][k] is the area for the k + 1 points from i on,
+  // back[i][k] for the k + 1 points up to i.
   std::vector<std::vector<double>> forth(n), back(n);
   GrowingHull growing;
   const auto grow_from = [&](std::size_t i) {

@@ -9,23 +9,22 @@
 namespace planish {
 
 struct NeckOptions {
-  double least_gain = 0;  // that a cut must bring, an area
+  double least_gain = 0;  // the gain that a cut must have, an area
   double width = 0;       // a cut costs the area of a strip of this width along it
 };
 
-// A chord between two points of an outline, by their indices, from < to.
+// A chord between two points of an outline, given by their indices; from < to.
 struct Neck {
   std::int32_t from = -1, to = -1;
-  // What a cut there gains, but at most what the cut gains that must come before it. So the necks above any gain can be
+  // What this cut gains, but at most the gain of the cut that must come before it. So the necks above any gain can be
   // cut without the others.
   double gain = 0;
 };
 
-// Where to cut a chart whose outline is `outline`, a simple polygon that runs counter-clockwise. The gain of a cut is
-// what it takes off the area of convex hulls, that of the part being cut minus those of its two parts, less the cost of
-// the cut. Each part is cut where the gain is largest, and no further once that is below least_gain. No two chords
-// cross. Only the few dozen points that show a part's shape best are looked at: O(n) for each cut, and a fixed amount
-// of work.
+// Finds cuts of a chart. `outline` is its outline, a simple polygon that runs counter-clockwise. The gain of a cut is
+// the area of the part's convex hull minus the areas of the hulls of the two new parts, minus the cost of the cut. Each
+// part is cut where the gain is largest, until no gain reaches least_gain. No two chords cross. Only the few dozen
+// points that describe a part's shape best are considered. Takes O(n) for each cut, plus a fixed amount of work.
 std::vector<Neck> FindNecks(const std::vector<Vec2>& outline, const NeckOptions& options);
 
 }  // namespace planish

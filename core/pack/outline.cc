@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// The chain of Andrew: O(n log n).
+// Andrew's monotone chain, O(n log n).
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
   const auto before = [](const Vec2& a, const Vec2& b) { return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y(); };
   std::sort(points.begin(), points.end(), before);
@@ -40,12 +40,12 @@ double AreaWithin(const std::vector<Vec2>& polygon) {
 
 namespace {
 
-// Puts edges behind one another wherever one ends at the start of another: loop by loop.
+// Reorders edges so that each starts where the one before ends, loop by loop.
 void OrderAlongLoops(std::size_t num_points, std::vector<std::array<std::int32_t, 2>>* edges) {
   const auto n = static_cast<std::int32_t>(edges->size());
   const Groups from =
       GroupByKey(n, static_cast<std::int64_t>(num_points), [&](std::int32_t e) { return (*edges)[e][0]; });
-  std::vector<std::int32_t> next(from.begin.begin(), from.begin.end() - 1);  // the first edge at each that is not used
+  std::vector<std::int32_t> next(from.begin.begin(), from.begin.end() - 1);  // the first unused edge from each point
   std::vector<char> used(n, 0);
   std::vector<std::array<std::int32_t, 2>> ordered;
   ordered.reserve(n);
@@ -65,12 +65,12 @@ void OrderAlongLoops(std::size_t num_points, std::vector<std::array<std::int32_t
 
 }  // namespace
 
-// Rotating calipers.
+// By rotating calipers.
 HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
   HullRectangle best;
   double least = std::numeric_limits<double>::infinity();
   const std::size_t n = hull.size();
-  // Farthest along the side, along its normal, and against the side; they only move on.
+  // The corners farthest along the side, along its normal and against the side. They only move forward.
   std::size_t right = 0, top = 0, left = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const Vec2 along = (hull[(i + 1) % n] - hull[i]).normalized(), normal(-along.y(), along.x());
@@ -97,12 +97,12 @@ HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
 
 Outline MakeOutline(const PackChart& chart) {
   Outline outline;
-  // Without faces each point is one.
+  // Without faces, each point becomes a face.
   std::vector<Face> points;
   for (std::int32_t v = 0; chart.faces.empty() && v < std::ssize(chart.positions); ++v) points.push_back({v, v, v});
   const std::vector<Face>& faces = chart.faces.empty() ? points : chart.faces;
   Box box;
-  std::vector<char> is_reversed;  // per face: runs clockwise
+  std::vector<char> is_reversed;  // per face: whether it runs clockwise
   is_reversed.reserve(faces.size());
   for (const Face& face : faces) {
     const std::array<Vec2, 3> triangle = TriangleOf(chart.positions, face);
@@ -122,7 +122,8 @@ Outline MakeOutline(const PackChart& chart) {
     }
     return local[v];
   };
-  // What has its opposite beside it is inside; half-edges of reversed faces count the other way round.
+  // An edge with opposite half-edges on both sides is inside. Half-edges of reversed faces count in the other
+  // direction.
   const EdgeGroups groups = GroupHalfEdges(faces, std::ssize(chart.positions));
   for (std::int32_t e = 0; e < groups.count(); ++e) {
     const std::int32_t first = groups[e][0];
@@ -137,7 +138,7 @@ Outline MakeOutline(const PackChart& chart) {
     for (; forward > 0; --forward) outline.edges.push_back({a, b});
     for (; forward < 0; ++forward) outline.edges.push_back({b, a});
   }
-  if (outline.edges.empty()) {  // faces that are folded onto each other
+  if (outline.edges.empty()) {  // all faces are folded onto each other
     for (std::int32_t c = 0; c < 3 * std::ssize(faces); ++c) {
       const std::int32_t from = local_id(faces[c / 3][c % 3]), to = local_id(faces[c / 3][Next(c % 3)]);
       is_reversed[c / 3] != 0 ? outline.edges.push_back({to, from}) : outline.edges.push_back({from, to});
@@ -155,7 +156,7 @@ Outline MakeOutline(const PackChart& chart) {
     outline.upright = -portable::Atan2(rectangle.along.y(), rectangle.along.x()) +
                       (rectangle.height > rectangle.width ? std::numbers::pi / 2 : 0);
   }
-  // There may be a hundred thousand triangles.
+  // There may be a hundred thousand charts of one triangle.
   outline.points.shrink_to_fit();
   outline.edges.shrink_to_fit();
   outline.hull.shrink_to_fit();
@@ -163,9 +164,9 @@ Outline MakeOutline(const PackChart& chart) {
 }
 
 Outline Simplified(const Outline& outline, double tolerance) {
-  constexpr std::size_t kLongestRun = 32;  // edges that become one, at most: the search is linear then
+  constexpr std::size_t kLongestRun = 32;  // at most so many edges become one, which keeps the search linear
   Outline simple = outline;
-  simple.points.clear();  // their memory stays, and is enough
+  simple.points.clear();  // keeps the memory, which is enough
   simple.edges.clear();
   std::vector<std::int32_t> local(outline.points.size(), -1);
   const auto local_id = [&](std::int32_t v) {
@@ -201,7 +202,7 @@ Outline Simplified(const Outline& outline, double tolerance) {
 }
 
 void ScanLines::AddEdge(Vec2 from, Vec2 to, double offset) {
-  const int change = from.y() > to.y() ? 1 : -1;  // the inside lies to the right of a descent
+  const int change = from.y() > to.y() ? 1 : -1;  // the inside lies to the right of a descending edge
   if (change > 0) std::swap(from, to);
   const int end = Ceil(to.y() - offset);
   for (int y = Ceil(from.y() - offset); y < end; ++y) {
@@ -234,8 +235,8 @@ double AngleOfSmallestSquare(const Outline& outline) {
     const Box box = BoxAt(outline, angle);
     return (box.high - box.low).maxCoeff();
   };
-  // Between two turns that bring a side of the hull upright the extents are sums of sines with one maximum each; a
-  // scan finds the right valley, a golden section its bottom.
+  // Between two angles at which a side of the hull is upright, the extents are sums of sines with one maximum each. A
+  // scan finds the best interval, a golden-section search its minimum.
   constexpr int kScan = 360;
   const double step = std::numbers::pi / 2 / kScan;
   double best = side(outline.upright), best_angle = outline.upright;

@@ -14,11 +14,11 @@
 namespace planish {
 namespace {
 
-// Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it even where both were moved by
+// Added to the padding, so that rounding UV to float (in [0, 10]) keeps the padding even if both charts were moved by
 // kFreeMove.
 constexpr double kGap = 4e-6;
 constexpr double kHuge = 1e300;
-// Outlines of so many edges in the mean are not worth a second, simpler one.
+// Outlines with at most this many edges on average are not simplified.
 constexpr std::size_t kFewEdges = 4;
 
 std::vector<std::int32_t> LargestFirst(const std::vector<double>& size) {
@@ -93,7 +93,8 @@ class Packer {
     return scales;
   }
 
-  // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
+  // An upper bound of the scale: beyond it the area or some chart is too large for the tiles. 1 if all charts are
+  // points.
   double LargestScale() const {
     double largest = charts_.largest_area > 0 ? std::sqrt(options_.tiles / charts_.largest_area) : kHuge;
     for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
@@ -103,7 +104,8 @@ class Packer {
     return largest < kHuge ? largest : 1;
   }
 
-  // The scale at which the charts with half of the padding round them would fill `fill` of the tiles of some atlas.
+  // The scale at which the charts, with half of the padding round each, would fill the share `fill` of the tiles of the
+  // fullest atlas.
   double ScaleForFill(double fill) const {
     double low = 0, high = LargestScale();
     const double radius = grid_.radius + grid_.extent / grid_.side / 2;
@@ -138,7 +140,7 @@ class Packer {
       FitOne();
       return true;
     }
-    // Charts of a texel each; without the padding, anything is better than nothing.
+    // The least scale: charts of about one texel. If there was no room for any padding, nearly any scale.
     double least = any_scale || charts_.total_area == 0
                        ? 1e-9 * LargestScale()
                        : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
@@ -183,7 +185,7 @@ class Packer {
     return true;
   }
 
-  // Trials at one scale after the other, each nearer to the largest scale at which all charts fit.
+  // Runs trials at different scales, ever closer to the largest scale at which all charts fit.
   bool TryScales(double least) {
     double per_turn = 0;
     for (const Outline& outline : simple()) {
@@ -198,8 +200,8 @@ class Packer {
         static_cast<std::size_t>(std::clamp(charts_.num_faces, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
     series_ = MakeTrialSeries(simple(), charts_.atlas, tiles_, kept);
     starts_.clear();
-    double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
-    int since_good = 0;                      // trials from the first on at which all fitted
+    double good = 0, bad = 0, expected = 0;  // at which all charts fit, do not fit, might fit
+    int since_good = 0;                      // trials since all charts first fitted
     std::vector<Pose> poses(charts_.outlines.size());
     SetUnit(std::min(ScaleForFill(tuning_.first_fill), options_.most_scale));
     for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
@@ -209,7 +211,7 @@ class Packer {
       work_.of_trial = std::max(work_.of_trial, result.work);
       if (result.placed == charts_.order.size()) {
         good = scale;
-        // Charts would fill all rows at this scale.
+        // At this scale the charts would fill all rows.
         expected = scale / std::sqrt(result.filled);
         Keep(side, poses);
         if (IsLargeEnough()) break;
@@ -218,7 +220,7 @@ class Packer {
       }
       if (good > 0) ++since_good;
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
-      // A wide bracket is worth more than what comes after.
+      // While the bracket is wide, trials may take all of the work; later steps gain less.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
       const auto with_next = static_cast<double>(work_.done + work_.of_trial);
       const bool is_too_wide = bad >= tuning_.too_wide * good;
@@ -235,7 +237,7 @@ class Packer {
         if (bad > 0) next = std::min(next, std::sqrt(good * bad));
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));
-        // Among many charts small ones do not find much room that large ones have left.
+        // Among many charts, small ones find little room between large ones.
         next = scale /
                std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
@@ -243,16 +245,16 @@ class Packer {
       if (plan_.thorough) continue;
       if (bad > 0) side = std::max(side, SideOf(bad) + 1);
       if (good > 0 && side >= SideOf(good)) {
-        if (bad > 0 && SideOf(bad) + 1 >= SideOf(good)) break;  // there is nothing between
+        if (bad > 0 && SideOf(bad) + 1 >= SideOf(good)) break;  // no side in between
         side = SideOf(good) - 1;
       }
     }
     return good > 0;
   }
 
-  // ---- Scales. A tile is a grid. Among many charts a cell has one size on the surface: at another scale the charts
-  // keep their silhouettes, and the grid has another side. Few charts get new silhouettes for each scale, and the grid
-  // keeps its side, a multiple of kCoarsestCell: on any other, large charts could not use the last cells.
+  // ---- Scales. A tile is a grid. With many charts, a cell keeps its size on the surface: at another scale the charts
+  // keep their silhouettes, and the grid gets another side. With few charts, each scale gets new silhouettes, and the
+  // grid keeps its side, a multiple of kCoarsestCell: with any other side, large charts could not use the last cells.
 
   // The side of the grid for a trial at this scale.
   int GridFor(double scale) {
@@ -261,13 +263,13 @@ class Packer {
     SetUnit(scale);
     return grid_.side;
   }
-  // The same, but no scale above the largest that is allowed.
+  // The same for scales up to the largest that is allowed.
   int GridUpTo(double scale) {
     if (scale < options_.most_scale) return GridFor(scale);
     SetUnit(options_.most_scale);
     return grid_.side;
   }
-  // From now on a grid of the usual side is one at this scale.
+  // From now on, a grid of the usual side has this scale.
   void SetUnit(double scale) {
     grid_.unit = scale * grid_.side / grid_.extent;
     made_.most_side = -1;
@@ -282,8 +284,8 @@ class Packer {
     return result;
   }
 
-  // Silhouettes for a grid of this side and some smaller ones, on which the padding has fewer cells. Charts that are
-  // drawn larger than others have silhouettes for one side only.
+  // Makes silhouettes for a grid of this side and somewhat smaller ones, on which the padding has fewer cells. With
+  // charts that are enlarged, silhouettes are valid for one side only.
   void MakeFor(int side) {
     const double scale = ScaleOf(side), cells = side / grid_.extent;
     std::vector<double> scales = Scales(scale);
@@ -299,16 +301,16 @@ class Packer {
     series_->Resize(std::move(scales), radius);
   }
 
-  // What was found on a grid of this side is the best so far.
+  // Keeps the poses found on a grid of this side as the best so far.
   void Keep(int side, const std::vector<Pose>& poses) {
     best_ = {poses, ScaleOf(side)};
     for (Pose& pose : best_.poses) pose.centre *= grid_.extent / side;
   }
 
-  // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
-  // best so far. Where the small charts go decides nothing as long as the large ones do not fit: those are tried
-  // first, and all charts only once they do. An order is changed by one chart, and by the turn it must have, and stays
-  // changed if no more of the area finds no place; after some changes in vain, another order is taken.
+  // Runs trials with the charts in other orders, until `until` work is done, each at a scale slightly above the best so
+  // far. Small charts are placed only once the large ones fit, as they decide nothing before. A change moves one chart
+  // in the order, or fixes the turn of one. It is kept if the area without a place does not grow. After orders_in_vain
+  // changes without progress a new order is taken.
   void TryOrders(double until) {
     const auto n = static_cast<std::int32_t>(charts_.order.size()), large = CountLarge();
     std::linear_congruential_engine<std::uint64_t, 6364136223846793005u, 1442695040888963407u, 0> knuth(1);
@@ -337,7 +339,7 @@ class Packer {
         missing = kHuge;
         in_vain = 0;
       } else if (missing < kHuge) {
-        // The first charts matter most, and the first that found no place should come earlier.
+        // Charts early in the order matter most, and the first one without a place should come earlier.
         auto from = static_cast<std::int32_t>(large * random() * random());
         auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * large)), 0, large - 1);
         if (random() < tuning_.missing_chance) {
@@ -372,7 +374,7 @@ class Packer {
     }
   }
 
-  // The charts at the head of charts_.order that have nearly all of the area.
+  // The number of charts at the head of charts_.order that have most of the area (large_area).
   std::int32_t CountLarge() const {
     double area = 0;
     std::int32_t count = 0;
@@ -383,13 +385,13 @@ class Packer {
     return std::max(count, 1);
   }
 
-  // Keeps what was found so far as a place to tighten from.
+  // Keeps the best so far as a start for tightening.
   void Remember() {
     starts_.push_back(best_);
     if (starts_.size() > static_cast<std::size_t>(tuning_.starts)) starts_.erase(starts_.begin());
   }
 
-  // The area of all charts with half of the padding round them over that of the first `count`, about.
+  // About the area of all charts, with half of the padding round each, over that of the first `count`.
   double AreaRatio(double scale, std::size_t count) const {
     const std::vector<double> scales = Scales(scale);
     double placed = 0, all = 0;
@@ -403,7 +405,7 @@ class Packer {
     return placed > 0 ? all / placed : kHuge;
   }
 
-  // Each in a box of its own.
+  // Places each chart in a box of its own.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
     for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
@@ -426,7 +428,7 @@ class Packer {
     return false;
   }
 
-  // A single chart: as large as it gets.
+  // Makes a single chart as large as possible.
   void FitOne() {
     const double angle = AngleOfSmallestSquare(charts_.outlines[0]);
     const Box box = BoxAt(charts_.outlines[0], angle);
@@ -439,7 +441,7 @@ class Packer {
   void TightenAll(std::int64_t work) {
     const bool points =
         std::all_of(charts_.outlines.begin(), charts_.outlines.end(), [](const Outline& o) { return o.radius == 0; });
-    if (points) return;  // points are of any scale
+    if (points) return;  // points have no scale
     TightenOptions options;
     options.distance = 2 * grid_.radius;
     options.low = margin_ + grid_.radius;
@@ -481,7 +483,7 @@ class Packer {
   const Execution& execution_;
   struct {
     std::vector<Outline> outlines;
-    std::vector<Outline> simple;        // with fewer edges; empty where they have few anyway
+    std::vector<Outline> simple;        // simplified; empty if they have few edges anyway
     std::vector<double> density, size;  // of each chart
     std::vector<std::int32_t> order;    // large to small
     std::vector<int> atlas;             // of each chart
@@ -489,25 +491,25 @@ class Packer {
     double total_area = 0, largest_area = 0;  // of all charts, of those of one atlas
   } charts_;
   struct {
-    int side = 256;     // cells, usually
-    double extent = 1;  // in the texture
+    int side = 256;     // usual number of cells
+    double extent = 1;  // of the grid, in the texture
     double radius = 0;  // half of the padding, in the texture
     double unit = 1;    // cells along a length of 1 on the surface, at weight 1
   } grid_;
-  double margin_ = 0;           // of the grid, on every side of the tile
+  double margin_ = 0;           // between the grid and each side of the tile
   double padding_ = 0;          // texels
-  Arrangement best_ = {{}, 0};  // poses are from the corner of the grid, in the texture
+  Arrangement best_ = {{}, 0};  // poses are relative to the corner of the grid, in the texture
   struct {                      // in nanoseconds
     double budget = 0;
     std::int64_t done = 0;
-    std::int64_t of_trial = 0;  // of the dearest one: those that end where a chart has no room take less
+    std::int64_t of_trial = 0;  // of the most expensive trial
   } work_;
   struct {
     int least_side = 0, most_side = -1;
-  } made_;  // the grids that the silhouettes are for
+  } made_;  // range of grid sides that the silhouettes are valid for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
-  std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale
+  std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale than the one before
 };
 
 }  // namespace

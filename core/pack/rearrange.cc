@@ -15,18 +15,18 @@
 namespace planish {
 namespace {
 
-constexpr int kDepthUnit = 16;  // of a pixel
-constexpr int kBorder = 2;      // pixels round the tile that samples at the rim may fall on
-constexpr int kAngles = 24;     // turns that are tried at random places, from the first one on
-constexpr int kFineTurns = 4;   // between two of these
+constexpr int kDepthUnit = 16;  // per pixel of depth
+constexpr int kBorder = 2;      // pixels round the tile, for samples at the rim
+constexpr int kAngles = 24;     // rotations tried at random places, from the first one on
+constexpr int kFineTurns = 4;   // rotations between two of these
 constexpr int kTurns = kFineTurns * kAngles;
-constexpr int kTries = 60;            // random places that a chart looks at when it moves
+constexpr int kTries = 60;            // random places that a chart tries in a move
 constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
-// In nanoseconds: to turn a sample, to measure a pixel's depth, to draw a row.
+// Costs in nanoseconds of rotating a sample, measuring a pixel's depth and drawing a row.
 constexpr std::int64_t kTurnWork = 12, kDepthWork = 4, kRowWork = 12;
 
-// The nearest whole number, of two the larger one; |x| < 2^20. std::lround is a call into the C library.
+// The nearest integer, halves rounded up; |x| < 2^20. Avoids std::lround, a call into the C library.
 int Rounded(double x) {
   constexpr int kShift = 1 << 20;
   return static_cast<int>(x + (kShift + 0.5)) - kShift;
@@ -48,18 +48,18 @@ class Random {
   std::uint64_t state_;
 };
 
-// A chart at one of its turns, in pixels round its centre: a record of all that is computed of it, each once.
+// A chart at one rotation, in pixels relative to its centre. Each member is computed once.
 struct Turned {
   double angle = 0;
-  Box box;                                          // of its points
-  bool fits = false;                                // the tile
-  std::array<std::pair<int, int>, 2> range;         // of x and y of its places; the middle where it does not fit
-  std::vector<std::int32_t> samples;                // offsets in the image
+  Box box;                                   // of its points
+  bool fits = false;                         // within the tile
+  std::array<std::pair<int, int>, 2> range;  // of x and y of its places; the middle of the tile if it does not fit
+  std::vector<std::int32_t> samples;         // offsets in the image
   std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y); empty until needed
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
-  std::int64_t own = 0;             // depth under its own samples
+  std::int64_t own = 0;             // sum of the depths under its own samples
 };
 
 struct CellPose {
@@ -97,7 +97,7 @@ class Search {
     }
   }
 
-  // Rearrange(), once.
+  // Rearrange(); call once.
   bool Run(const Execution& execution, std::vector<Pose>* poses, std::int64_t* work) {
     const auto n = static_cast<std::int32_t>(outlines_.size());
     std::vector<std::int32_t> order = Indices(n);
@@ -128,7 +128,7 @@ class Search {
   }
 
  private:
-  // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
+  // Samples along the outline and, less densely, inside. In an order that reaches every part of the chart early.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];
     const double unit = scales_[i] / image_.pixel;
@@ -185,7 +185,7 @@ class Search {
     return turned;
   }
 
-  // Range of x (axis 0) or y (axis 1) for a chart within the tile; the middle if it is too large.
+  // Range of x (axis 0) or y (axis 1) in which the chart is within the tile; the middle if it is too large.
   std::pair<int, int> Range(const Turned& turned, int axis) const {
     const int low = static_cast<int>(std::ceil(-turned.box.low[axis] - 0.5));
     const int high = static_cast<int>(std::floor(options_.side - turned.box.high[axis] + 0.5));
@@ -233,8 +233,8 @@ class Search {
     turned->own = DepthUnder(*turned, *turned, 0, 0);
   }
 
-  // Of the samples: a chart that fits the tile reaches no farther than half of a row to either side. Thousands of turns
-  // are kept, and few are asked for these.
+  // Derives (x, y) from the samples' offsets, which is unique since a chart that fits the tile reaches at most half a
+  // row to either side. Computed on demand, since thousands of rotations are kept and few need it.
   void FindPlaces(Turned* turned) const {
     turned->places.reserve(turned->samples.size());
     for (const std::int32_t sample : turned->samples) {
@@ -243,7 +243,7 @@ class Search {
     }
   }
 
-  // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
+  // The sum of `other`'s depth under the samples of `turned`, shifted by (x, y) pixels relative to `other`.
   std::int64_t DepthUnder(Turned& turned, const Turned& other, int x, int y) const {
     if (turned.places.empty()) FindPlaces(&turned);
     x -= other.left;
@@ -275,7 +275,7 @@ class Search {
     }
   }
 
-  // What lies under the samples; any number of `bound` or more if it is not below that.
+  // The sum of the image under the samples. May stop at any value of at least `bound`.
   std::int64_t Cost(std::int32_t i, const CellPose& pose, std::int64_t bound) const {
     const std::vector<std::int32_t>& samples = At(i, pose.turned).samples;
     const std::int32_t* image = image_.tiles[pose.tile].data() +
@@ -295,7 +295,7 @@ class Search {
     return cost;
   }
 
-  // Nothing if the turn that came up does not fit the tile.
+  // Returns false if the chart does not fit the tile at the random rotation.
   bool RandomPose(std::int32_t i, CellPose* pose) {
     pose->turned = kFineTurns * random_.Below(kAngles);
     const Turned& turned = At(i, pose->turned);
@@ -308,7 +308,7 @@ class Search {
     return true;
   }
 
-  // Down to a place that is better than its neighbours.
+  // Local search: moves to better neighbours until there are none.
   void Descend(std::int32_t i, CellPose* pose, std::int64_t* cost) const {
     for (int step = 4; step >= 1 && *cost > 0;) {
       CellPose best = *pose;
@@ -338,7 +338,7 @@ class Search {
     }
   }
 
-  // How deep the samples of i lie in j.
+  // The depth of i's samples in j, summed.
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
     const CellPose &p = charts_.poses[i], &q = charts_.poses[j];
     if (p.tile != q.tile) return 0;
@@ -349,7 +349,7 @@ class Search {
     return DepthUnder(a, b, p.x - q.x, p.y - q.y);
   }
 
-  // Pairs that overlap gain weight, the more the more they do; others lose some of theirs. Returns the sum of
+  // Increases the weights of pairs that overlap, by how much they overlap, and decreases the others. Returns the sum of
   // overlaps.
   std::int64_t Weigh() {
     const auto n = static_cast<std::int32_t>(charts_.poses.size());
@@ -392,7 +392,7 @@ class Search {
     charts_.pairs[i].push_back({j, factor});
   }
 
-  // Takes a chart out of the image and draws those that weigh more for it (times 1); or puts it back (times -1).
+  // Times 1: removes the chart from the image and draws the pairs that weigh more than 1 for it. Times -1: undoes that.
   void Lift(std::int32_t i, int times) {
     Draw(i, -times * kWeightUnit);
     for (const Pair& pair : charts_.pairs[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
@@ -443,7 +443,7 @@ class Search {
   struct {
     double pixel;  // in the texture
     int stride;
-    std::vector<std::vector<std::int32_t>> tiles;  // how deep every pixel lies in charts
+    std::vector<std::vector<std::int32_t>> tiles;  // weighted depth of each pixel in the charts
   } image_;
   struct Pair {
     std::int32_t other;
@@ -451,14 +451,14 @@ class Search {
   };
   // Per chart.
   struct {
-    std::vector<std::vector<Pair>> pairs;  // that weigh more than 1
-    std::vector<char> overlaps;            // when it was moved last
+    std::vector<std::vector<Pair>> pairs;  // with weights above 1
+    std::vector<char> overlaps;            // at its last move
     std::vector<double> angle;             // at turn 0
     std::vector<std::vector<Vec2>> samples;
-    mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned;  // as far as needed
+    mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned;  // computed on demand
     std::vector<CellPose> poses;
   } charts_;
-  bool too_large_ = false;  // some chart, for the tile
+  bool too_large_ = false;  // some chart is too large for the tile
   std::int64_t moves_ = 0;
   mutable std::int64_t work_ = 0;
 };

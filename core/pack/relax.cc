@@ -7,20 +7,20 @@ namespace planish {
 namespace {
 
 constexpr std::int32_t kBlock = 16;          // samples
-constexpr int kContactLife = 8;              // steps, at least
-constexpr double kMomentum = 0.7;            // of a step that the next one keeps
-constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
-constexpr double kSureOfDistance = 0.9;      // far from a chart its field says up to 8 % too much (along the diagonals)
+constexpr int kContactLife = 8;              // least number of steps between two searches for contacts
+constexpr double kMomentum = 0.7;            // share of a step that the next one keeps
+constexpr std::int64_t kMostSteps = 200000;  // moves of single charts while growing
+constexpr double kSureOfDistance = 0.9;  // far from a chart, its field overestimates by up to 8 % (along the diagonals)
 constexpr double kFar = 1e300;
-// In nanoseconds: to look a distance up, for a contact in a step, for one that is far, for a body in a step.
+// Costs in nanoseconds: a distance lookup, a contact in a step, a distant contact, a body in a step.
 constexpr std::int64_t kLookWork = 9, kContactWork = 20, kFarContactWork = 2, kBodyWork = 200;
-constexpr double kTurningPart = 1.5;  // the radius of a chart over its turning radius
-constexpr double kShare = 0.5;        // of what is missing that one of two charts gives way
+constexpr double kTurningPart = 1.5;  // radius of a chart over its turning radius
+constexpr double kShare = 0.5;        // part of a missing distance by which each of the two charts moves
 
-// Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
+// Points along the edges, at most `spacing` apart. Skips vertices within half of that of the last sample.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
   std::vector<Vec2> samples;
-  std::int32_t last = -1;  // where the edge before ended
+  std::int32_t last = -1;  // where the previous edge ended
   for (const auto& [from, to] : outline.edges) {
     const Vec2 &a = outline.points[from], &b = outline.points[to];
     const int parts = std::max(1, static_cast<int>(std::ceil((b - a).norm() / spacing)));
@@ -47,7 +47,7 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
       contacts_{.skin = 2 * options.spacing, .found = {}, .moved = std::vector<double>(outlines.size(), 0)} {
   shapes_.reserve(outlines.size());
   for (std::size_t i = 0; i < outlines.size(); ++i) {
-    const double unit = relative_[i] * scale_;  // length in the texture of 1
+    const double unit = relative_[i] * scale_;  // length in the texture of 1 in the chart
     const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-6) / unit;
     Shape& shape = shapes_.emplace_back(
         Shape{SampleOutline(outlines[i], spacing), {}, std::max(outlines[i].radius, 1e-12) / kTurningPart});
@@ -69,7 +69,7 @@ void Relaxer::FindContacts() {
   contacts_.found.clear();
   std::fill(contacts_.moved.begin(), contacts_.moved.end(), 0);
   const std::size_t n = poses_.size();
-  // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
+  // In the texture: the rotation and scale of each body, the centres of its blocks, and its bounding box.
   std::vector<Rotation> turns(n);
   std::vector<Vec2> centres;
   std::vector<std::size_t> first_centre(n);
@@ -99,7 +99,7 @@ void Relaxer::FindContacts() {
       }
     }
   }
-  const auto collect = [&](std::int32_t a, std::int32_t b) {  // samples of a near b
+  const auto collect = [&](std::int32_t a, std::int32_t b) {  // collects the samples of a near b
     const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
     const DistanceField& field = fields_[b];
     // From the frame of a to that of b.
@@ -139,8 +139,8 @@ double Relaxer::Step() {
   };
   if (contacts_.age == 0 || (contacts_.age >= kContactLife && have_moved())) FindContacts();
   ++contacts_.age;
-  std::int64_t looked_at = 0;  // contacts
-  // Sums of missing * row and of row * row^T, whose upper half is kept.
+  std::int64_t looked_at = 0;  // contacts evaluated
+  // Sums of missing * row and of row * row^T (upper half only).
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
     double x = 0, y = 0, t = 0;
@@ -187,7 +187,7 @@ double Relaxer::Step() {
       const std::int32_t b = contact.other;
       const double other_unit = scale_ * relative_[b];
       const Vec2 local = turns[b].Back((p - poses_[b].centre) / other_unit);
-      // Most are far enough: their gradients are not needed.
+      // Most contacts are far enough and need no gradient.
       missing = options_.distance + margins_[a] + margins_[b] - fields_[b].DistanceNear(local, kFar) * other_unit;
       const double far = std::min(-kSureOfDistance * missing, contacts_.skin);
       contact.far_until = static_cast<float>(moved + far);

@@ -10,13 +10,13 @@
 namespace planish {
 namespace {
 
-constexpr double kRounding = 1e-9;  // cells, relative to 1; added wherever a cell could be missed
+constexpr double kRounding = 1e-9;  // cells, relative to 1; added wherever rounding could lose a cell
 
 // The cells within `radius` of the segment ab, row by row.
 struct Capsule {
   Vec2 a, b;
   double radius;
-  Vec2 offset;  // from the segment to its side at the right, `radius` long
+  Vec2 offset;  // from the segment to its right side; its length is `radius`
 
   Capsule(const Vec2& from, const Vec2& to, double r) : a(from), b(to), radius(r), offset(r, 0) {
     if (a.y() > b.y()) std::swap(a, b);
@@ -25,11 +25,12 @@ struct Capsule {
     if (length > 0) offset = Vec2(along.y(), -along.x()) * (radius / length);
   }
 
-  // Rightmost (sign 1) or leftmost (sign -1) place times sign on the line at height y, which the capsule meets.
+  // sign * x of the rightmost (sign 1) or leftmost (sign -1) point of the capsule at height y, where the capsule must
+  // have a point.
   double End(double y, double sign) const {
     const double height = std::clamp(y, a.y(), b.y());
     const double along = b.y() > a.y() ? (height - a.y()) / (b.y() - a.y()) : 0;
-    double best = sign * (a.x() + along * (b.x() - a.x()));  // of the segment itself
+    double best = sign * (a.x() + along * (b.x() - a.x()));  // on the segment itself
     for (const Vec2& p : {a, b}) {
       const double dy = y - p.y();
       if (std::abs(dy) <= radius) {
@@ -45,11 +46,11 @@ struct Capsule {
     return best;
   }
 
-  // The farthest to one side within y0 <= y <= y1, where the capsule has a part.
+  // sign * x of the farthest point to one side within y0 <= y <= y1, where the capsule must have a point.
   double Farthest(double y0, double y1, double sign) const {
     const Vec2& tip = sign * a.x() >= sign * b.x() ? a : b;
     const double low = std::max(y0, a.y() - radius), high = std::min(y1, b.y() + radius);
-    // A vertical segment has its farthest points all along.
+    // On a vertical segment all points are equally far.
     const double at = a.x() == b.x() ? std::clamp(low, a.y(), b.y()) : tip.y();
     return End(std::clamp(at, std::min(low, high), std::max(low, high)), sign);
   }
@@ -69,7 +70,7 @@ class Grid {
     if (begin < end) SetBits(bits_.data() + static_cast<std::size_t>(y) * words_, begin, end);
   }
 
-  // Rows become columns.
+  // Swaps rows and columns.
   Grid Transposed() const {
     Grid to(height_, width_);
     std::array<std::uint64_t, 64> block;
@@ -108,10 +109,10 @@ class Grid {
   }
 
  private:
-  // Of 64 rows of 64 bits. Squares of 32 bits on both sides of the diagonal change places, then those of 16 within
-  // each.
+  // Transposes 64 rows of 64 bits: swaps squares of 32 bits across the diagonal, then those of 16 within each, and so
+  // on.
   static void Transpose(std::array<std::uint64_t, 64>* rows) {
-    std::uint64_t low = ~std::uint64_t{0} >> 32;  // the lower half of each square, in a row
+    std::uint64_t low = ~std::uint64_t{0} >> 32;  // mask of the lower half of each square
     for (int half = 32; half >= 1; half /= 2) {
       for (int y = 0; y < 64; ++y) {
         if ((y & half) != 0) continue;
@@ -124,7 +125,7 @@ class Grid {
     }
   }
 
-  // First bit from x on that differs from those of `flip`; width_ or more if there is none.
+  // The first bit from x on that differs from those of `flip`; width_ or more if there is none.
   int Find(const std::uint64_t* row, int x, std::uint64_t flip) const {
     int w = x >> 6;
     if (w >= words_) return width_;
@@ -140,7 +141,7 @@ class Grid {
   std::vector<std::uint64_t> bits_;
 };
 
-// MakeSilhouette(); if `at` is not null, moved on by less than a cell as MakeFixedSilhouette() says.
+// MakeSilhouette(); unless `at` is null, shifted by less than a cell as for MakeFixedSilhouette().
 Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius, const Vec2* at) {
   const Rotation rotate(angle, scale);
   radius += scale * outline.slack;

@@ -1,4 +1,4 @@
-// A chart on a grid: the cells that it or its padding touches.
+// A chart on a grid: the cells that the chart or its padding touches.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ struct Span {
   bool operator==(const Span&) const = default;
 };
 
-// Sets bits [begin, end), which are not none, of a row of words.
+// Sets bits [begin, end) of a row of words; the range must not be empty.
 inline void SetBits(std::uint64_t* row, int begin, int end) {
   const int first = begin >> 6, last = (end - 1) >> 6;
   const std::uint64_t head = ~std::uint64_t{0} << (begin & 63), tail = ~std::uint64_t{0} >> (63 - ((end - 1) & 63));
@@ -31,8 +31,8 @@ inline void SetBits(std::uint64_t* row, int begin, int end) {
 struct Silhouette {
   int width = 0, height = 0;
   std::vector<std::int32_t> row_begin;  // height + 1: row y has the spans [row_begin[y], row_begin[y + 1])
-  std::vector<Span> spans;              // apart from each other, from left to right
-  Vec2 centre = Vec2::Zero();           // where the centre of the outline lies, in cells from the corner of cell (0, 0)
+  std::vector<Span> spans;              // disjoint, from left to right
+  Vec2 centre = Vec2::Zero();           // the outline's centre, in cells from the corner of cell (0, 0)
   std::int64_t cells = 0;
 
   bool HasSameCells(const Silhouette& other) const {
@@ -40,20 +40,20 @@ struct Silhouette {
   }
 };
 
-// Every cell that comes within `radius` cells of the outline or its inside, after a turn by `angle` and a scaling to
-// `scale` cells per unit; moved so that it touches both axes. Never too few cells, and few too many: a cell whose
-// closed square has no such point is left out, but for rounding. `radius` is measured from the chart's own outline,
-// which may lie Outline::slack farther out.
+// Every cell that comes within `radius` cells of the outline or its inside, after a rotation by `angle` and a scaling
+// to `scale` cells per unit; shifted to touch both axes. Never misses a cell, and has few extra: a cell whose closed
+// square has no such point is left out, up to rounding. `radius` is measured from the chart's own outline, which may be
+// Outline::slack farther out.
 //
-// Two silhouettes with the same radius that share no cell keep their outlines 2 radius apart.
+// If two silhouettes with the same radius share no cell, their outlines are at least 2 radius apart.
 Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius);
 
-// The silhouette after a quarter turn counter-clockwise. Exact: the grid has the symmetry of the square.
+// The silhouette rotated by a quarter turn counter-clockwise. Exact, as the grid is symmetric.
 Silhouette QuarterTurn(const Silhouette& silhouette);
-// The same after two of them.
+// Rotated by half a turn.
 Silhouette HalfTurn(const Silhouette& silhouette);
 
-// The same as MakeSilhouette with the centre at `at` of some larger grid; the corner of cell (0, 0) is at whole numbers
+// MakeSilhouette() with the centre at `at` of a larger grid. The corner of cell (0, 0) is a whole number of cells
 // there.
 struct FixedSilhouette {
   Silhouette silhouette;

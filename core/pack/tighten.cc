@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// Chart in its place.
+// A chart at its position.
 struct Placed {
   std::vector<Vec2> points;
   Box box;
@@ -30,7 +30,7 @@ bool IsInside(const Vec2& p, const Outline& outline, const Placed& placed) {
   return winding != 0;
 }
 
-// The least distance between edges of two charts; its square, and that of `distance` if all are farther apart.
+// The square of the least distance between edges of two charts, at most distance^2.
 double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Outline& outline_b, const Placed& b,
                              double distance) {
   double nearest = distance * distance;
@@ -48,11 +48,11 @@ double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Ou
 
 struct TooNear {
   std::int32_t a, b;  // charts; b is -1 for the rim of the tile
-  double missing;     // from the distance that should be kept; all of it where charts overlap
+  double missing;     // by how much the distance falls short; all of it if charts overlap
 };
 
-// The judge of a packing, by exact distances, nothing rasterized or sampled: what is nearer to each other than
-// `distance`, or out of [low, 1 - low]^2, with charts scaled by `scales`.
+// The final check of a packing, by exact distances instead of raster or samples: finds charts, scaled by `scales`, that
+// are nearer to each other than `distance`, or outside [low, 1 - low]^2.
 std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std::vector<double>& scales,
                                  const std::vector<Pose>& poses, double distance, double low,
                                  const Execution& execution) {
@@ -89,7 +89,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
   return found;
 }
 
-// Hops that are made side by side, whatever the number of threads, if there is enough work for them.
+// Hops that run in parallel, whatever the number of threads, if there is enough work for them.
 constexpr std::size_t kLanes = 2;
 
 class Tightener {
@@ -123,7 +123,7 @@ class Tightener {
     std::int64_t growing = 0;
     const auto share = [&](double part) { return std::llround(part * static_cast<double>(options_.work)); };
     const std::int64_t most = share(tuning_.growing_share), most_before_others = share(tuning_.others_share);
-    // The largest first: the others only if that leaves nearly all of the work.
+    // The largest first; the others only while nearly all of the work is left.
     for (auto start = starts_.rbegin(); start != starts_.rend() && (found.empty() || growing < most_before_others);
          ++start) {
       Relaxer relaxer = MakeRelaxer(*start);
@@ -134,7 +134,7 @@ class Tightener {
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
     if (charts_.outlines.size() <= tuning_.most_to_rearrange) Search(growing, &found);
-    // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
+    // A chart that grew inside of a ring may be jammed there at any scale. Then the arrangement before it is used.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
     return arrangement_;
   }
@@ -153,7 +153,7 @@ class Tightener {
     return scales;
   }
 
-  // Image and moves of a hop.
+  // Image size and number of moves of a hop.
   RearrangeOptions OfHop(std::int64_t work) const {
     RearrangeOptions options = {options_};
     options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
@@ -163,10 +163,10 @@ class Tightener {
     return options;
   }
 
-  // Adds to *found, which is not empty, what is better. Each lane hops from one jammed arrangement to another, and
-  // takes what is at most a little worse than the best it has seen (record-to-record travel, Dueck 1993). The first
-  // lane always knows the best of all. The other may go farther away from it, and comes back when that has led nowhere.
-  // Where there is work for few hops, there is one lane.
+  // Appends better arrangements to *found, which must not be empty. Each lane hops from one jammed arrangement to
+  // another, and accepts results at most slightly worse than its record (record-to-record travel, Dueck 1993). The
+  // first lane always adopts the best of all. The second may go farther from it, and returns to the best after
+  // hops_away hops without a record. With little work there is one lane.
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
     struct Lane {
       Arrangement here;
@@ -215,9 +215,9 @@ class Tightener {
     }
   }
 
-  // From `here` to another arrangement that is jammed, at least_scale or more, by way of overlaps at `growth` times the
-  // scale; those need not go away, since most do when the charts shrink again. Nothing if some stay. Rearranging may
-  // take the work in `options`, and what follows as much again.
+  // From `here` to another jammed arrangement at a scale of at least_scale or more. Rearranges with overlaps at
+  // `growth` times the scale; overlaps may remain, since most vanish when the charts shrink again. Nothing if some do
+  // not vanish. Rearranging may take `options.work`, and the rest as much again.
   std::optional<Arrangement> Hop(Arrangement here, double least_scale, double growth, const RearrangeOptions& options,
                                  std::int64_t* work) const {
     const double scale = here.scale * growth;
@@ -235,8 +235,8 @@ class Tightener {
     return Arrangement{relaxer.poses(), relaxer.scale()};
   }
 
-  // Distances were sampled so far. Puts an arrangement that keeps them exactly into arrangement_, if it finds one:
-  // charts move apart, or shrink a little, until they are exactly as demanded.
+  // Distances were sampled so far. Moves charts apart, or shrinks them slightly, until exact distances are kept, and
+  // stores the result in arrangement_. Returns whether it succeeded.
   bool Settle(const Arrangement& arrangement, double least_scale) {
     Relaxer relaxer = MakeRelaxer(arrangement);
     if (relaxer.scale() > options_.most_scale) relaxer.set_scale(options_.most_scale);
@@ -255,7 +255,7 @@ class Tightener {
           arrangement_ = {relaxer.poses(), relaxer.scale()};
           return true;
         }
-        // More than is missing: what comes on top of a distance that is kept anyway moves nothing.
+        // More than is missing: without this, settling takes many more rounds (PackTuning::settling_margin).
         const double more = tuning_.settling_margin * relax_.tolerance;
         for (const TooNear& pair : too_near) {
           for (const std::int32_t i : {pair.a, pair.b}) {
@@ -273,9 +273,9 @@ class Tightener {
   const PackTuning& tuning_;
   const Execution& execution_;
   const std::vector<Arrangement>& starts_;
-  Arrangement arrangement_;  // the best that keeps the distances exactly
-  double width_;             // of an average chart of the atlas with the most charts
-  double thickness_;         // of a chart on average: the width of a strip, half of the side of a square
+  Arrangement arrangement_;  // the best that keeps the exact distances
+  double width_;             // of an average chart, in the atlas with the most charts
+  double thickness_;         // mean thickness of charts: the width of a strip, half the side of a square
   RelaxOptions relax_;
   std::vector<DistanceField> fields_;
 };

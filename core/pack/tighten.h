@@ -1,4 +1,4 @@
-// From a packing with gaps to a tight one at a larger scale.
+// Turns a packing with gaps into a tight one at a larger scale.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,13 @@
 namespace planish {
 
 struct TightenOptions : PackRules {
-  std::int64_t work = 0;  // about what may be spent: nanoseconds, counted in steps of the algorithms
-  double most_scale = std::numeric_limits<double>::infinity();  // what comes out is no larger
+  std::int64_t work = 0;  // limit of about so many nanoseconds, counted in steps of the algorithms
+  double most_scale = std::numeric_limits<double>::infinity();  // of the result
   PackTuning tuning;
 };
 
-// The charts: outlines, exact and as Simplified() makes them for everything but exact distances; the atlas whose tiles
-// each is on; and the scales.
+// The charts: exact outlines, simplified ones (Simplified()) for everything but exact distances, the atlas of each, and
+// the scales.
 struct TightenCharts {
   const std::vector<Outline>&outlines, &simple;
   const std::vector<int>& atlas;
@@ -31,15 +31,15 @@ struct Arrangement {
   double scale = 1;  // charts are scaled by this times their relative scale
 };
 
-// Lets the charts grow until they are jammed (relax.h), from each of `starts`, and goes on from the best: scales up by
-// some percent, lets charts find places where they overlap less (rearrange.h), shrinks them until they can be pushed
-// apart, lets them grow again, and so on until the work is spent. All of `starts` must keep the distances, each at a
-// scale at least that of the one before; what comes out keeps them exactly (FindTooNear() in tighten.cc) at the scale
-// of the last or a larger one.
+// Grows the charts until they are jammed (relax.h), from each of `starts`, and continues from the best: scales up by
+// some percent, lets charts find places where they overlap less (rearrange.h), shrinks them until they can be
+// separated, grows them again, and so on until the work is spent. All of `starts` must keep the distances, and be in
+// order of their scales. The result keeps the distances exactly (FindTooNear() in tighten.cc), at the scale of the last
+// start or a larger one.
 Arrangement Tighten(const TightenCharts& charts, const TightenOptions& options, const Execution& execution,
                     const std::vector<Arrangement>& starts);
 
-// How many charts the atlas with the most of them has.
+// The number of charts of the atlas that has the most.
 std::int64_t MostCharts(const std::vector<int>& atlas, int atlases);
 
 }  // namespace planish

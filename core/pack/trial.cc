@@ -12,30 +12,31 @@ namespace planish {
 namespace {
 
 constexpr int kRimCells = 24;
-// Up to so many cells along either side, a chart is tried upright and at a right angle only.
+// Charts of at most this many cells along either side are tried at two angles only: upright and a right angle.
 constexpr int kCrumb = 6;
-// What a chart costs beside the board's words, in nanoseconds: a silhouette and an edge of the outline in it; one that
-// is turned by a right angle and a cell in it; one that is there already.
+// Costs in nanoseconds, beside the words of the board: making a silhouette, and each edge of its outline; rotating one
+// by a right angle, and each of its cells; using one that is kept.
 constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1500, kCellWork = 2, kKeptWork = 300;
-constexpr std::int64_t kHalfWork = 800;  // one that is turned by two right angles
+constexpr std::int64_t kHalfWork = 800;  // rotating one by two right angles
 
-// A place is as good as the first one up to this part of the chart's height beyond that.
+// Places are compared up to this fraction (1 / kRowsBeyond) of the chart's height beyond the first.
 constexpr int kRowsBeyond = 2;
 
-// A chart is looked for on the coarsest board on which it is at least half of so many cells long.
+// A chart is placed on the coarsest board on which it is at least half this many cells long.
 constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
 static_assert(kCoarsestCell == 1 << (kLevels - 1));
 
-// A chart at a turn, for the board of one level.
+// A chart at one angle, for the board of one level.
 struct Shape {
   Silhouette silhouette;
   Rim rim;
   Probes probes;
-  bool repeats = false;  // has the cells of the turn that it was made of
+  bool repeats = false;  // has the same cells as the angle it was made from
 };
 
-// A place on one of the tiles of the chart's atlas, and where the search for the next chart of this size begins.
+// A place on one of the tiles of the chart's atlas, and the row where the search for the next chart of this size
+// begins.
 struct Found {
   Spot spot;
   int tile = -1, first_row = 0;
@@ -47,8 +48,8 @@ struct Start {
   int tile = 0, row = 0;
 };
 
-// A tile as boards with cells of twice the length on each level. What is left of the grid beyond the last whole cell of
-// a level is not used there.
+// A tile as boards, with cells of twice the length on each level. The remainder of the grid beyond the last whole cell
+// of a level is not used on that level.
 using Pyramid = std::vector<Board>;
 
 class Series final : public TrialSeries {
@@ -79,7 +80,7 @@ class Series final : public TrialSeries {
       const Found found = Find(i, level);
       if (found.tile < 0) {
         all = false;
-        // Points have no area, but must not be missing either.
+        // Points have no area, but must count as missing.
         result.missing += outlines_[i].area * scales_[i] * scales_[i] + 1e-30;
         if (result.missing > most_missing) break;
         continue;
@@ -94,7 +95,7 @@ class Series final : public TrialSeries {
 
  private:
   void Begin(int side, const TrialPlan& plan) {
-    constexpr int kRoom = 16;  // a part of the side by which later grids may be larger
+    constexpr int kRoom = 16;  // later grids may be larger by this part of the side
     plan_ = &plan;
     work_ = 0;
     filled_ = 0;
@@ -106,7 +107,7 @@ class Series final : public TrialSeries {
       tiles_.reserve(tiles);
       while (tiles_.size() < tiles) {
         Pyramid& boards = tiles_.emplace_back();
-        // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
+        // Longer charts are placed on the next board, so each row needs far fewer levels of runs.
         for (int level = 0; level < kLevels; ++level) {
           boards.emplace_back(most_side_ >> level, level + 1 < kLevels ? 2 * kCellsOfLarge - 1 : most_side_);
         }
@@ -168,7 +169,7 @@ class Series final : public TrialSeries {
     return (shared_.keeps ? static_cast<std::size_t>(i) * shared_.angles : 0) + turn;
   }
 
-  // Good until another chart is asked for, if shapes are not kept.
+  // The shape is valid until another chart is asked for, unless shapes are kept.
   const Shape& At(std::int32_t i, int turn, int level) {
     if (!shared_.keeps && shared_.chart != i) {
       for (std::unique_ptr<Shape>& shape : shared_.shapes) shape.reset();
@@ -183,8 +184,8 @@ class Series final : public TrialSeries {
     return *slot;
   }
 
-  // Turns that are right angles apart are made of each other: a silhouette made of the outline anew could lie elsewhere
-  // in its cells.
+  // Angles that differ by right angles are made from each other: a new silhouette from the outline could lie
+  // differently in its cells.
   Shape MakeShape(std::int32_t i, int turn, int level) {
     const int half = shared_.angles % 2 == 0 ? shared_.angles / 2 : shared_.angles;
     const int quarter = shared_.angles % 4 == 0 ? half / 2 : half;
@@ -205,7 +206,8 @@ class Series final : public TrialSeries {
     return shape;
   }
 
-  // Of charts of one atlas whose width and height are the same but for a factor of the square root of two.
+  // Charts of one atlas share a start if their widths and their heights are equal up to a factor of about the square
+  // root of two.
   Start* StartFor(std::int32_t i, int level) {
     const Outline& outline = outlines_[i];
     const Box box = BoxAt(outline, outline.upright);
@@ -221,7 +223,7 @@ class Series final : public TrialSeries {
     if (plan_->thorough) return FindFrom(i, level, {});
     Start* const start = StartFor(i, level);
     Found best = FindFrom(i, level, *start);
-    // Charts of a size differ a little, so there may be room below.
+    // Charts of a size differ a little, so there may still be room below.
     if (best.tile < 0 && (start->tile > 0 || start->row > 0)) best = FindFrom(i, level, {});
     if (best.tile >= 0) *start = {best.tile, best.first_row};
     return best;
@@ -265,18 +267,18 @@ class Series final : public TrialSeries {
   const std::size_t most_kept_;
   std::vector<double> scales_;  // of each chart
   double radius_ = 0;
-  std::vector<Pyramid> tiles_;  // of most_side_ cells; each trial clears them
+  std::vector<Pyramid> tiles_;  // most_side_ cells wide; cleared by each trial
   int most_side_ = 0;
-  // What trials with the same sizes and angles share.
+  // Shared by trials with the same sizes and number of angles.
   struct Shared {
     int angles = 0;
-    bool keeps = false;                                   // the shapes of all charts, by chart and turn
-    std::vector<std::unique_ptr<Shape>> shapes;           // otherwise those of one chart
+    bool keeps = false;                                   // whether shapes of all charts are kept, by chart and angle
+    std::vector<std::unique_ptr<Shape>> shapes;           // if not kept, those of one chart
     std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot; if kept
-    std::int32_t chart = -1;                              // whose shapes these are, if they are not kept
+    std::int32_t chart = -1;                              // the chart of these shapes, if they are not kept
   };
   Shared shared_;
-  // Of the trial under way.
+  // Of the current trial.
   const TrialPlan* plan_ = nullptr;
   int side_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas
@@ -301,7 +303,7 @@ std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, const std::vec
     double height = 0;
     int tile = 0;
   };
-  std::vector<Row> rows(tiles.atlases);  // the last one of each atlas
+  std::vector<Row> rows(tiles.atlases);  // the last row of each atlas
   for (const std::int32_t i : order) {
     const Vec2& extent = extents[i];
     if (extent.x() > side || extent.y() > side) return {};

@@ -1,4 +1,4 @@
-// Attempts to lay all charts on their tiles at a given scale, one after the other.
+// Trials: attempts to place all charts on their tiles at a given scale, one after the other.
 #pragma once
 
 #include <cstdint>
@@ -12,31 +12,30 @@ namespace planish {
 
 struct TrialTiles {
   int tiles = 1;    // of each atlas
-  int atlases = 1;  // one after the other
+  int atlases = 1;  // their tiles follow one another
 };
 
-// Of the boards that large charts are looked for on: cells of the grid along one of theirs. What is left over of a grid
-// beyond the last whole one is not used for such charts.
+// Large charts are placed on coarser boards; this is the side of the coarsest board's cells in cells of the grid. The
+// remainder of a grid beyond the last whole one is not used for such charts.
 inline constexpr int kCoarsestCell = 8;
 
 struct TrialPlan {
-  std::vector<std::int32_t> order;  // of the charts, large to small about
-  std::int32_t count = -1;          // so many of them, from the first on; -1: all
-  std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
-  int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
-  // For few charts: every chart is looked for from the first row on, after a stop request too. Otherwise a stop request
-  // ends the trial without a result, and a chart is looked for from the row where the last chart of about its size
-  // went, since below there was no room for that one: all charts of a size together search each tile once. And the
-  // first row with room for a chart, at one turn, is not compared with those beyond it, which takes half of the work
-  // and gains nothing among so many charts (eight sets of 320 to 3,000 fill 0.672 of the texture in the mean either
-  // way).
+  std::vector<std::int32_t> order;  // of the charts, about largest first
+  std::int32_t count = -1;          // only the first `count` of `order`; -1: all
+  std::vector<int> turn;            // per chart the only angle it may have; -1: any. May be empty
+  int angles = 8;                   // evenly spaced angles to try, from the upright one on; a multiple of 4, or below 4
+  // True, for few charts: every chart is searched for from the first row on, even after a stop request. False: a stop
+  // request ends the trial without a result, and the search for a chart begins at the row where the last chart of about
+  // its size went. Below that there was no room, so charts of one size search each tile only once. The first row with
+  // room, at each angle, is not compared with rows beyond it. That halves the work and loses nothing among so many
+  // charts (eight sets of 320 to 3,000 fill 0.672 of the texture on average either way).
   bool thorough = false;
 };
 
 struct TrialResult {
-  std::size_t placed = 0;  // charts of TrialPlan::order that found a place before the first that did not
-  double missing = 0;      // area of the charts that found none, in cells
-  double filled = 0;       // rows up to the last with a chart, over all rows of the tiles; of the fullest atlas
+  std::size_t placed = 0;  // charts of TrialPlan::order placed before the first without a place
+  double missing = 0;      // area of the charts without a place, in cells
+  double filled = 0;       // of the fullest atlas: rows up to the last with a chart, over all rows of its tiles
   std::int64_t work = 0;   // nanoseconds, counted in steps of the algorithm
 };
 
@@ -44,32 +43,33 @@ class TrialSeries {
  public:
   virtual ~TrialSeries() = default;
 
-  // How large the charts are for all trials until the next call, in cells of the grid that each tile is: cells along a
-  // length of 1 of each chart, and half of the padding. Trials at other scales have another number of cells to a tile,
-  // so that charts keep their silhouettes. Trials with the same number of turns share them.
+  // Sets the sizes for all trials until the next call, in cells of the grid: the cells along a length of 1 for each
+  // chart, and half of the padding. Trials at other scales have another number of cells in a tile, so that charts keep
+  // their silhouettes. Trials with the same number of angles share them.
   virtual void Resize(std::vector<double> scales, double radius) = 0;
 
-  // On grids of side x side cells. A chart goes next to the lowest row with room for it, where it lies snuggest. Ends
-  // as soon as more than most_missing of area has found no place. *poses gets those of the charts that were placed, in
-  // cells from the corner of the grid.
+  // A trial on grids of side x side cells. Each chart goes near the lowest row with room for it, where it lies
+  // snuggest. Ends as soon as the area without a place exceeds most_missing. Stores the poses of placed charts in
+  // *poses, in cells from the corner of the grid.
   virtual TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
                           std::vector<Pose>* poses) = 0;
 };
 
-// `atlas`: whose tiles each chart goes to. Silhouettes are kept from trial to trial if there are at most `most_kept`,
-// of about a kilobyte each.
+// `atlas`: the atlas of each chart. Keeps silhouettes from trial to trial if there are at most `most_kept`, each about
+// a kilobyte.
 std::unique_ptr<TrialSeries> MakeTrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
                                              const TrialTiles& tiles, std::size_t most_kept);
 
-// ---- Boxes in rows: places for very many charts when there is no time to look for good ones.
+// ---- Boxes in rows: for very many charts, when there is no time to search for good places.
 
 struct Shelf {
-  Vec2 low = Vec2::Zero();  // corner of the box in its tile
+  Vec2 low = Vec2::Zero();  // of the box in its tile
   int tile = 0;
 };
 
-// Lays boxes of these extents side by side, tall ones first, in rows from v = 0 upwards, on the tiles of their atlases,
-// squares of side `side`. Touching, not overlapping. Empty if they do not fit. Deterministic, O(n log n).
+// Places boxes of these extents side by side, tall ones first, in rows from v = 0 upwards, on the tiles of their
+// atlases, which are squares of side `side`. Boxes touch but do not overlap. Empty if they do not fit. Deterministic,
+// O(n log n).
 std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, const std::vector<int>& atlas,
                                 const TrialTiles& tiles, double side);
 

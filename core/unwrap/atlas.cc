@@ -18,8 +18,8 @@
 namespace planish {
 namespace {
 
-// Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
-// tiles.
+// Packs all charts at one scale, each atlas into its own tiles; if stacked, packs each atlas separately, all into the
+// same tiles.
 void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
                  Atlas* atlas) {
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
@@ -29,7 +29,7 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   tiles.texture_size = atlas->texture_size;
   if (options.texels_per_unit > 0) tiles.most_scale = options.texels_per_unit / tiles.texture_size;
   tiles.atlases = stacked ? 1 : *numbers.rbegin() + 1;
-  if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all together have as much as one
+  if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all atlases share the work of one
   if (is_draft) {
     tiles.effort = PackEffort::kFast;
     tiles.tuning.fast_share = 0;
@@ -70,14 +70,14 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   if (!options.face_atlas.empty()) atlas->atlases = std::move(reports);
 }
 
-// The box round the map.
+// The bounding box of the map.
 Box BoxOf(const ChartMap& map) {
   Box box;
   for (const Vec2& p : map.positions) box.Add(p);
   return box;
 }
 
-// Sets where each chart's map goes. `before`: the packing before, or null.
+// Sets the placement of each chart. `before`: the previous packing, or null.
 Atlas Place(const UnwrapOptions& options, int texture_size, const Atlas* before, bool is_draft,
             const Execution& execution, Charts* charts) {
   Atlas atlas;
@@ -90,7 +90,7 @@ Atlas Place(const UnwrapOptions& options, int texture_size, const Atlas* before,
   } else if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
-    // A map that was placed before has been scaled then.
+    // A map that was placed before is already scaled.
     if (before != nullptr && disc.map.placement) atlas.scale *= before->scale;
     disc.map.placement = ChartPlacement();
   } else {
@@ -147,8 +147,8 @@ absl::StatusOr<Atlas> PlaceAtDensity(const UnwrapOptions& options, const Atlas* 
   }
 }
 
-// Sets where the maps go that were solved since the last packing, whose scale they get: all in one place, round the
-// middle of the quarter of a tile where numbers are rounded most.
+// Places the maps that were solved since the last packing, at its scale: all at one place, round the middle of the
+// quarter of a tile where rounding is coarsest.
 void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* charts) {
   const Vec2 middle(0.75, 0.75);
   for (MappedChart& mapped : charts->charts) {
@@ -163,8 +163,8 @@ void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* char
   }
 }
 
-// Gives faces without a chart the UV of the two ends of an edge, or of one corner at a vertex, wherever a face of the
-// same atlas has UV there.
+// Gives faces without a chart the UV of the two ends of an edge, or of one corner at a vertex, where a face of the same
+// atlas has UV there.
 void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::vector<std::int32_t>& face_chart,
                     CornerUv* uv) {
   std::vector<char> wanted(mesh.positions.size(), 0);
@@ -172,7 +172,7 @@ void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::v
     if (face_chart[f] >= 0) continue;
     for (const std::int32_t v : mesh.faces[f]) wanted[v] = 1;
   }
-  std::vector<std::vector<std::int32_t>> corners(mesh.positions.size());  // with UV, of vertices that are wanted
+  std::vector<std::vector<std::int32_t>> corners(mesh.positions.size());  // corners with UV, of vertices that need them
   for (std::int32_t c = 0; c < static_cast<std::int32_t>(3 * mesh.faces.size()); ++c) {
     const std::int32_t v = mesh.faces[c / 3][c % 3];
     if (face_chart[c / 3] >= 0 && wanted[v]) corners[v].push_back(c);
@@ -180,7 +180,7 @@ void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::v
   const auto places_of = [&](std::int32_t f) -> std::array<Vec2, 3> {
     const Face& face = mesh.faces[f];
     const std::int32_t atlas = AtlasOf(options, f);
-    // From a face that has both of its vertices, if there is one.
+    // Prefers a face that has both vertices.
     for (int k = 0; k < 3; ++k) {
       const std::int32_t v = face[k], w = face[Next(k)];
       if (v == w) continue;

@@ -20,8 +20,8 @@ namespace {
 using Corners2 = std::array<Vec2, 3>;  // in the plane
 using Corners3 = std::array<Vec3, 3>;  // on the surface
 
-// Half-edges of the outline: the vertex of the mesh in which each begins, that of the chart, and its number. Ascending,
-// so that vertices of the chart which are one in the mesh are neighbours.
+// Half-edges of the outline: the mesh's vertex at which each begins, the chart's vertex, and the half-edge's number.
+// Sorted, so that chart vertices that are one vertex of the mesh are neighbours.
 std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const Chart& chart) {
   std::vector<std::array<std::int32_t, 3>> outline;
   for (std::int32_t c = 0; c < chart.topology->num_corners(); ++c) {
@@ -32,9 +32,9 @@ std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const
   return outline;
 }
 
-// Both sides of slits whose ends coincide, up to the errors of a solve and a layout, are moved to their middle, unless
-// that turns a triangle over. So is what belongs to one vertex of the mesh where a chart touches itself there: apart by
-// a rounding error, one side could come to lie on the other when it is rounded again.
+// Moves both sides of slits to their middle if their ends coincide up to the errors of a solve and a layout, unless
+// that flips a triangle. Does the same for the copies of a mesh vertex at which a chart touches itself: if they
+// differed by a rounding error, the sides could overlap after further rounding.
 std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::vector<Vec2>* positions) {
   constexpr double kCoincide = 1e-6;  // of the edge's length
   const std::vector<Face>& faces = chart.topology->faces;
@@ -86,7 +86,7 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
 }
 
 struct Extent {
-  double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; edges squared
+  double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; sum of squared edges
   double surface_edges = 0, map_edges = 0;
   void Add(const Extent& other) {
     surface_area += other.surface_area;
@@ -97,11 +97,11 @@ struct Extent {
   }
 };
 
-// Of edges squared. Needles alone have less area, which errors of their angles change many times over.
+// Relative to squared edges. Only needles have less area, which errors of their angles change many times over.
 constexpr double kLeastArea = 1e-4;
 
-// To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
-// larger as Chart::enlargement says.
+// Scales the map to the area of the surface, without widened faces, or to the length of edges if there is next to no
+// area; then by Chart::enlargement.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
   const auto extent = execution.SumUp<Extent>(chart.topology->num_faces(), [&](std::int32_t f, Extent* sum) {
     const Corners2 p = TriangleOf(*positions, chart.topology->faces[f]);
@@ -122,7 +122,7 @@ void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execu
   for (Vec2& p : *positions) p *= scale;
 }
 
-// The corners of the chart's faces, in the order of its topology.
+// The UV of the corners of the chart's faces, in the order of its topology.
 CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
   CornerUv uv(2 * chart.topology->num_corners());
   for (std::int32_t c = 0; c < chart.topology->num_corners(); ++c) {
@@ -131,11 +131,11 @@ CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
   return uv;
 }
 
-// How a map may be turned when it is delivered, which is not known yet: cosine and sine.
+// Cosine and sine of rotations, as examples of the unknown rotation of the delivered map.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
 
-// Of a map that does not overlap itself as it is: triangles that do once places are rounded to multiples of
-// `resolution`, those left out that this flips or collapses. `ignored`: per face of the chart; empty: none.
+// For a map that does not overlap itself: overlaps after rounding to multiples of `resolution`, without triangles that
+// rounding flips or collapses. `ignored`: per face of the chart; empty: none.
 Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const std::vector<std::int32_t>& opposite,
                                const std::vector<char>& ignored, double resolution, const Execution& execution) {
   for (const auto& [cosine, sine] : kTurns) {
@@ -159,11 +159,11 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
   return {};
 }
 
-// Whether the map does not overlap itself, and does not when places are rounded to multiples of `resolution` either:
-// all corners are farther from what they must not cross than rounding can move both. True for most charts; false for
-// all that is to be looked at closely.
+// A quick test whether the map overlaps itself neither as it is nor after rounding to multiples of `resolution`: all
+// corners are farther from what they must not cross than rounding can move both. True for most charts; false if a
+// closer look is needed.
 bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
-  constexpr double kMargin = 3;  // two places come nearer by the square root of 2 at most
+  constexpr double kMargin = 3;  // rounding brings two places nearer by at most the square root of 2
   constexpr std::int64_t kTestsPerEdge = 64;
   if (!(resolution > 0) || !map.closed_slits.empty()) return false;
   const double least = kMargin * resolution;
@@ -203,7 +203,7 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   return true;
 }
 
-// That of a triangle by itself.
+// The topology of a single triangle.
 const std::shared_ptr<const Topology>& OfTriangle() {
   static const std::shared_ptr<const Topology> topology = [] {
     std::vector<std::int32_t> order;
@@ -297,8 +297,8 @@ absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flatt
 
 absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
                                         std::shared_ptr<const FlattenSummary> summary, const Execution& execution) {
-  // Its angles do not tell as much as its edges: where two of them are `a` radians, their rounding moves a corner along
-  // the longest edge by the part eps / a of the edge, which is far more than the altitude of a needle.
+  // Its edges are more precise than its angles: if two angles are `a` radians, their rounding moves a corner along the
+  // longest edge by the fraction eps / a of the edge, which is far more than the altitude of a needle.
   const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
   const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };
   const int first = std::max({0, 1, 2}, [&](int a, int b) { return length(a) < length(b); });

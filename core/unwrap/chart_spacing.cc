@@ -17,7 +17,8 @@ ChartSpacing FindChartSpacing(const std::vector<OutlineSegment>& segments, const
   for (const OutlineSegment& s : segments) boxes.push_back(Box::Around(s.a, s.b));
   const BoxTree tree(std::move(boxes), execution);
   std::int64_t tests_left = max_tests;
-  // visit(a, b, distance) for segments of two charts that are at most `radius` apart, a < b. It may lower the radius.
+  // Calls visit(a, b, distance) for segments of two charts a < b that are at most `radius` apart. visit may reduce the
+  // radius.
   const auto for_each_pair = [&](const double& radius, const auto& visit) {
     for (std::size_t i = 0; i < segments.size() && tests_left > 0; ++i) {
       tree.ForEachMeeting(tree.boxes()[i].Grown(radius), [&](std::int32_t j) {
@@ -33,8 +34,8 @@ ChartSpacing FindChartSpacing(const std::vector<OutlineSegment>& segments, const
     }
   };
   ChartSpacing spacing;
-  // Wider and wider, so that few segments are looked at where charts lie close.
-  constexpr double kFirst = 1.0 / 256, kWiden = 4;  // of the reach; each time
+  // Widens the radius step by step, so that few segments are tested if charts are close.
+  constexpr double kFirst = 1.0 / 256, kWiden = 4;  // relative to `reach`; factor of each step
   ChartPair& nearest = spacing.nearest;
   for (double radius = kFirst * reach;; radius *= kWiden) {
     double best = std::min(radius, reach);

@@ -1,4 +1,4 @@
-// How far charts of a map lie apart: exact distances between their outlines, nothing rasterized.
+// Distances between the charts of a map: exact distances of their outlines, not rasterized.
 #pragma once
 
 #include <cstdint>
@@ -22,16 +22,16 @@ struct ChartPair {
 };
 
 struct ChartSpacing {
-  ChartPair nearest;            // of all; its distance is infinite where none are within `reach`
+  ChartPair nearest;            // of all; infinite distance if there are none within `reach`
   std::vector<ChartPair> near;  // nearer than `wanted`, ascending by charts; at most kMaxNearPairs
-  bool limited = false;         // the search ended early: there may be nearer charts, and more of them
+  bool limited = false;         // the search ended early: there may be other and nearer pairs
 };
 inline constexpr std::size_t kMaxNearPairs = 1000;
 
-// Distances up to `reach`, and all pairs of charts nearer than `wanted` (0: none are listed), in the map's unit.
-// Charts are compared where `tile[chart]` is the same; a chart with tile -1 is compared with every other. Segments that
-// meet are at distance 0; a chart inside another one is as far from it as the outlines are. O(n log n) for n segments
-// that are not crowded within `reach`; the search ends after `max_tests` pairs of boxes.
+// Finds distances up to `reach`, and all pairs of charts nearer than `wanted` (0: lists none), in the map's unit.
+// Compares charts with the same `tile[chart]`; a chart with tile -1 is compared with all others. Intersecting segments
+// have distance 0; the distance of a chart inside another one is that of the outlines. O(n log n) for n segments that
+// are not crowded within `reach`; the search ends after `max_tests` pairs of boxes.
 ChartSpacing FindChartSpacing(const std::vector<OutlineSegment>& segments, const std::vector<std::int32_t>& tile,
                               double reach, double wanted, std::int64_t max_tests, const Execution& execution = {});
 

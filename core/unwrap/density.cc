@@ -1,4 +1,4 @@
-// Texel density: what each chart has beside what AtlasReport::texels_per_unit says, and what decides it.
+// Texel density: compares that of each chart with AtlasReport::texels_per_unit, and explains the differences.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -28,8 +28,8 @@ constexpr double kUsuallyFilled = 0.6;
 // The warning is given if all charts could have this many times their texels per unit.
 constexpr double kWorthAWord = 1.5;
 
-// Length in UV over length on the surface, of a chart without its widened faces and those without area; 0 if there are
-// no others.
+// Length in UV over length on the surface for a chart, without widened faces and faces without area; 0 if no others are
+// left.
 double DensityOf(const Job& job, const Charts& charts, const Chart& chart, const CornerUv& uv) {
   double area = 0, uv_area = 0, squares = 0, edges = 0, uv_edges = 0;
   for (std::int32_t i = 0; i < chart.topology->num_faces(); ++i) {
@@ -50,7 +50,7 @@ double DensityOf(const Job& job, const Charts& charts, const Chart& chart, const
   return edges > 0 ? uv_edges / edges : 0;
 }
 
-// The scale of the atlas that a face goes into.
+// The scale of a face's atlas.
 double ScaleOf(const Job& job, const Atlas& atlas, std::int32_t face) {
   const auto own = atlas.atlases.find(AtlasOf(job.options, face));
   return own == atlas.atlases.end() ? atlas.scale : own->second.texels_per_unit / atlas.texture_size;
@@ -88,17 +88,17 @@ void WarnOfOtherDensities(const Job& job, const Charts& charts, const Atlas& atl
                        std::move(faces)});
 }
 
-// Atlases that have one scale: each by itself where these are stacked, otherwise all together.
+// Atlases that share one scale: each on its own if stacked, otherwise all together.
 struct OneScale {
   double scale = 1;
-  std::map<std::int32_t, double> area;  // by atlas, as drawn at scale 1
+  std::map<std::int32_t, double> area;  // by atlas, drawn at scale 1
   struct Long {
     double length;  // as drawn at scale 1
     std::int32_t polygon;
   };
   std::vector<Long> polygons;  // too long for the scale at which the area would fit
 
-  // The scale at which the charts would fill the tiles as usual, if no polygon were too long.
+  // The scale at which the charts would fill the tiles as usual, without long polygons.
   double ByArea(int tiles) const {
     double most = 0;
     for (const auto& [number, of_atlas] : area) most = std::max(most, of_atlas);
@@ -106,7 +106,7 @@ struct OneScale {
   }
 };
 
-// body(group, polygon, its area and length as drawn at scale 1)
+// Calls body(group, polygon, area, length), both drawn at scale 1.
 template <typename Body>
 void ForEachPolygon(const Job& job, const Charts& charts, const Atlas& atlas, std::map<std::int32_t, OneScale>* groups,
                     const Body& body) {
@@ -131,7 +131,7 @@ void ForEachPolygon(const Job& job, const Charts& charts, const Atlas& atlas, st
   }
 }
 
-// Polygons that set the scale, though all charts would be denser by much if these were shorter.
+// Warns of polygons that determine the scale, if all charts would be much denser without them.
 void WarnOfLongPolygons(const Job& job, const Charts& charts, const Atlas& atlas,
                         std::vector<UnwrapWarning>* warnings) {
   const int tiles = job.options.atlas.tiles;

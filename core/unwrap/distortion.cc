@@ -15,8 +15,8 @@
 namespace planish {
 
 void MapSums::Add(const Vec2 p[3], const Vec3 q[3]) {
-  // The map from the plane to the surface is affine with the columns su and sv; its singular values are
-  // larger >= smaller, whose product is the ratio of areas.
+  // The map from the plane to the surface is affine with the columns su and sv. Its singular values are larger >=
+  // smaller; their product is the ratio of areas.
   const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
   const Vec3 s1 = q[1] - q[0], s2 = q[2] - q[0];
   const double twice_uv_area = std::abs(e1.x() * e2.y() - e1.y() * e2.x());

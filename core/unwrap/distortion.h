@@ -1,4 +1,4 @@
-// How far a map is from keeping angles and areas.
+// Measures how well a map keeps angles and areas.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace planish {
 
-// What a delivered map is worth: exact validity and distortion. Fields as in planish.v1.Quality.
+// The quality of a delivered map: exact validity and distortion. Fields as in planish.v1.Quality.
 struct Quality {
   std::int64_t flipped = 0;
   std::int64_t degenerate = 0;
@@ -45,13 +45,13 @@ struct MapSums {
   double StretchL2() const;
 };
 
-// Length of the seams on the surface (Quality::seam_length, before it is divided): an edge of n faces counts for each
-// of its n / 2 pairs that are apart in the map. `half_edges`: those of the surface, in any order; two that are joined
-// to each other and lie on one edge may be left out. `is_joined`, per half-edge: the map goes on behind it. O(n).
+// Length of the seams on the surface (Quality::seam_length, not normalized): an edge of n faces counts for each of its
+// n / 2 pairs that are separated in the map. `half_edges`: those of the surface, in any order; two joined half-edges of
+// one edge may be left out. `is_joined`, per half-edge: whether the map continues across it. O(n).
 double SeamLength(const Mesh& mesh, const std::vector<std::int32_t>& half_edges,
                   const std::function<bool(std::int32_t)>& is_joined);
 
-// What faces add to the distortion measures of a Quality.
+// Sums for the distortion measures of a Quality.
 struct DistortionSums {
   double angle_error = 0, angle_error_max = 0;  // radians, over all angles
   double energy = 0;                            // of ABF
@@ -59,13 +59,13 @@ struct DistortionSums {
   MapSums map;
 
   void Add(const DistortionSums& other);
-  // Sets the distortion measures and packing_efficiency (per unit square, as for one tile) of `quality`; leaves the
-  // other fields alone, and all of them if there are no faces.
+  // Sets the distortion measures and packing_efficiency (per unit square, for one tile) of `quality`, but no other
+  // fields, and none if there are no faces.
   void Fill(Quality* quality) const;
 };
 
-// Over `faces` of the mesh. `measured`, the angles on the surface, and `target` have those of corner k of faces[i] at
-// 3 i + k. Faces marked in `ignored` (per face of the mesh; empty: none) do not count. A UV triangle without area has
+// Measures `faces` of the mesh. `measured`, the angles on the surface, and `target` have those of corner k of faces[i]
+// at 3 i + k. Ignores faces marked in `ignored` (per face of the mesh; empty: none). A UV triangle without area has
 // infinite distortion. Incomplete after a cancellation.
 DistortionSums MeasureDistortion(const Mesh& mesh, const std::vector<std::int32_t>& faces,
                                  const Eigen::VectorXd& measured, const TargetAngles& target, const CornerUv& uv,

@@ -27,8 +27,8 @@ namespace planish {
 namespace {
 
 constexpr int kMostSolves = 30;
-constexpr double kLeastGain = 1e-3;  // in stretch, for one more solve
-// Of angles (radians) and lengths (of the mean one), where triangles have next to no area.
+constexpr double kLeastGain = 1e-3;  // reduction of the stretch that is worth another solve
+// Least angles (radians) and lengths (relative to the mean), for triangles with next to no area.
 constexpr double kLeastAngle = 1e-3, kLeastLength = 1e-4;
 
 class BarycentricMap {
@@ -44,7 +44,7 @@ class BarycentricMap {
   }
 
   std::vector<Vec2> Run(const Execution& execution) {
-    std::vector<double> draws(disc_.num_vertices, 1);  // what the weights towards a vertex are multiplied by
+    std::vector<double> draws(disc_.num_vertices, 1);  // factor on the weights towards each vertex
     std::vector<Vec2> best;
     double least = 0;
     for (int solve = 0; solve < kMostSolves && !execution.IsCancelled(); ++solve) {
@@ -75,7 +75,7 @@ class BarycentricMap {
  private:
   void PutOutlineOnCircle() {
     positions_.assign(disc_.num_vertices, Vec2::Zero());
-    std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
+    std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the distance to each along the outline
     double length = 0;
     const Loops loops = BoundaryLoops(disc_.opposite);
     for (const std::int32_t c : loops[0]) {
@@ -83,7 +83,7 @@ class BarycentricMap {
       outline.emplace_back(from, length);
       length += std::max((places_[to] - places_[from]).norm(), 1e-300);
     }
-    // No two at one place, however short the edge between them.
+    // Keeps vertices apart, however short the edge between them.
     const double even = kLeastLength * length / static_cast<double>(outline.size());
     const double whole = length + even * static_cast<double>(outline.size());
     for (std::size_t i = 0; i < outline.size(); ++i) {
@@ -126,7 +126,7 @@ class BarycentricMap {
     }
   }
 
-  // Every row divided by its sum. `right`, unless null: the right-hand side.
+  // Divides every row by its sum. `right`, unless null, gets the right-hand side.
   SparseElimination::Matrix Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
     std::vector<double> sum(rows_, 0);
     for (const Weight& w : weights_) sum[row_[w.from]] += w.weight * draws[w.to];
@@ -147,7 +147,7 @@ class BarycentricMap {
     return matrix;
   }
 
-  // Nothing if the matrix is singular in double precision.
+  // Empty if the matrix is singular in double precision.
   std::vector<Vec2> Solve(const std::vector<double>& draws) {
     std::vector<Vec2> solution(rows_, Vec2::Zero());
     const SparseElimination::Matrix matrix = Matrix(draws, &solution);
@@ -172,23 +172,23 @@ class BarycentricMap {
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
-  std::optional<SparseElimination> elimination_;  // from the first solve on
+  std::optional<SparseElimination> elimination_;  // created by the first solve
 };
 
 constexpr double kMostStretchOfAbf = 3;  // with a barrier
-// Where ABF's map has been replaced by another, a barycentric one is tried if that is stretched beyond the first of
-// these, and taken if it is stretched so many times less.
+// If another map has replaced ABF's, a barycentric one is tried if the stretch exceeds the first of these, and used if
+// it has less stretch by the second factor.
 constexpr double kStretchToLower = 1.1, kWorthMeans = 1.05;
-// Times that of the slit map: a tube had better be slit than be a ring. With SeamPolicy::kKeep it stays a ring up to
-// kMuchStretch, beyond which a warning would come.
+// Relative to the slit map: a tube is better slit than flattened as a ring. With SeamPolicy::kKeep it stays a ring up
+// to kMuchStretch, beyond which there would be a warning.
 constexpr double kMostStretchForHoles = 1.1;
-// Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
+// For more faces, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
 constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
 
-constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to others
-constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
+constexpr double kFanWeight = 0.01;     // weight of a fan's angle, relative to others
+constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, if the faces round a hole leave less
 
-// The chart as it is, slit.
+// The chart without filled holes.
 FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
   const Topology& topology = *chart.topology;
   FilledChart same = {topology, std::vector<std::int32_t>(topology.num_corners()),
@@ -209,18 +209,17 @@ struct Candidate {
   std::int64_t work_left;             // WorkLimits::other_map
   Eigen::VectorXd measured;           // AnglesToKeep()
   FlattenSummary summary;             // of the first solve
-  std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
+  std::optional<FilledChart> filled;  // if the chart is planar with holes, which are slit open
 
   const Topology& topology() const { return *mapped->chart.topology; }
-  // The present map overlaps itself, or a barrier keeps it open and stretches it.
+  // Whether the current map overlaps itself, or is open only by a barrier and too stretched.
   bool is_no_use() const {
     return !mapped->faults.is_injective ||
            (mapped->map.flatten->barrier > 0 && mapped->faults.stretch > kMostStretchOfAbf);
   }
 };
 
-// The map of the chart by the places in the plane of its vertices. `summary` becomes the map's, with the energy of
-// these.
+// The map of the chart by positions of its vertices. `summary` becomes the map's, with its energy.
 absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> positions, FlattenSummary summary) {
   const TargetAngles target = MakeTargetAngles(c.topology(), c.measured, c.execution);
   if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -235,7 +234,7 @@ absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> position
                     std::move(positions), c.execution);
 }
 
-// The same by the places of the filled chart's vertices.
+// The same by positions of the filled chart's vertices.
 absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
                                      FlattenSummary summary) {
   std::vector<Vec2> positions(c.topology().num_vertices);
@@ -247,8 +246,8 @@ absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& fill
   return PlaceOwn(c, std::move(positions), std::move(summary));
 }
 
-// By ABF of the filled chart; all slits are closed. Fans take the angles that the faces round a hole leave them, and
-// weigh little.
+// Maps the filled chart by ABF; all slits are closed. Fans get the angles that the faces round a hole leave them, with
+// little weight.
 absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
   const FilledChart& filled = *c.filled;
   const Topology& topology = filled.topology;
@@ -259,7 +258,7 @@ absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
     angles[corner] = c.measured[filled.corner[corner]];
     sum[topology.faces[corner / 3][corner % 3]] += angles[corner];
   }
-  // Two corners of a fan at every vertex round a hole.
+  // A fan has two corners at every vertex round a hole.
   const auto left_over = [&](std::int32_t v) { return std::max(kLeastFanAngle, (2 * std::numbers::pi - sum[v]) / 2); };
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     if (filled.corner[3 * f] >= 0) continue;
@@ -279,7 +278,7 @@ absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
   return PlaceFilled(c, filled, laid_out, std::move(flattening.summary));
 }
 
-// By barycentres, of the filled chart if there is one. INTERNAL, SOLVER_FAILED: there is no such map.
+// A barycentric map, of the filled chart if there is one. INTERNAL, SOLVER_FAILED: there is no such map.
 absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
   const FilledChart filled = c.filled ? *c.filled : Unfilled(c.job->mesh, c.mapped->chart);
   const std::vector<Vec2> drawn = MapByBarycentres(filled.topology, filled.places, c.execution);
@@ -298,26 +297,26 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
   return map;
 }
 
-// A convex outline cannot run over itself.
+// With a convex outline, which cannot overlap itself.
 absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
   PLANISH_ASSIGN_OR_RETURN(Flattening convex, FlattenWith(c.solve, BoundaryType::kConvex, c.work_left, c.mapped));
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
-// The stretch that another map may have: where the present map is sound, so many times less than that has.
+// The maximal stretch of another map: if the current map is sound, lower than its stretch by the factor `better`.
 double MostStretch(const Candidate& c, double better) {
   const ChartFaults& present = c.mapped->faults;
   const bool is_sound = present.is_injective && present.stretch <= kMostStretchForBorders;
   return is_sound ? present.stretch / better : kMostStretchForBorders;
 }
 
-// The same for a map with filled holes, while the present one is slit.
+// The same for a map with filled holes, while the current map is slit.
 double MostStretchWithHoles(const Candidate& c) {
   const double most = MostStretch(c, 1 / kMostStretchForHoles);
   return c.job->options.seams.policy == SeamPolicy::kKeep ? std::max(most, kMuchStretch) : most;
 }
 
-// Takes another map if it is sound and not stretched beyond `most`. Returns whether it has.
+// Uses another map if it is sound and its stretch is at most `most`. Returns whether it did.
 bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double most) {
   if (!map.ok() || !map->flatten->converged) return false;
   const ChartFaults faults =
@@ -328,8 +327,8 @@ bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> ma
   return true;
 }
 
-// Takes a map without slits, by ABF or by barycentres, if there is one that is sound and stretched no more than it may
-// be. Returns whether it has.
+// Uses a map without slits, by ABF or barycentric, if one is sound and its stretch is small enough. Returns whether it
+// did.
 bool TakesFilled(const Candidate& c, const Charts& charts, bool is_small) {
   const double most = MostStretchWithHoles(c);
   const bool has_map = Takes(c, charts, MapByAbf(c), most);
@@ -353,10 +352,10 @@ void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped) {
   const std::int32_t num_faces = c.topology().num_faces();
   const bool is_small = num_faces <= kMostFacesForBarycentres;
   const double before = mapped->work;
-  // A chart whose holes have been filled needs no slit; once it has such a map, the search ends.
+  // With filled holes the chart needs no slit; once it has such a map, the search ends.
   if (c.filled && TakesFilled(c, charts, is_small)) return;
   if (execution.IsStopRequested()) return;
-  // ABF with a convex outline, where the caller has not asked for that anyway.
+  // ABF with a convex outline, unless the caller has requested that anyway.
   const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
   c.work_left -= static_cast<std::int64_t>(mapped->work - before);
   const bool was_no_use = c.is_no_use();

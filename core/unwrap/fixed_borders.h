@@ -1,4 +1,4 @@
-// The map that cannot overlap: every vertex lies at a weighted mean of its neighbours. One of those that
+// A map that cannot overlap: every vertex is a weighted mean of its neighbours. One of the maps that
 // MapWithFixedBorders() (core/unwrap/steps.h) tries.
 #pragma once
 
@@ -10,15 +10,16 @@
 
 namespace planish {
 
-// Positions of the vertices of `disc` in the plane, one to one: the outline lies on a circle, by its length, and all
-// others at means of their neighbours with weights above 0 (Tutte, "How to draw a graph", 1963; Floater, "One-to-one
-// piecewise linear mappings over triangulations", 2003). The weights are mean value coordinates (Floater, 2003), at
-// first; then vertices draw less where triangles are stretched, for as long as that lowers the stretch of the whole
-// (Yoshizawa, Belyaev and Seidel, "A fast and simple stretch-minimizing mesh parameterization", 2004). Angles are kept
-// as far as that leaves them. `places` are the vertices on the surface; triangles without area do no harm.
+// Injective positions of the vertices of `disc` in the plane: the outline is on a circle, in proportion to its length,
+// and all other vertices are means of their neighbours with positive weights (Tutte, "How to draw a graph", 1963;
+// Floater, "One-to-one piecewise linear mappings over triangulations", 2003). The weights are initially mean value
+// coordinates (Floater, 2003); then vertices attract less where triangles are stretched, as long as that lowers the
+// total stretch (Yoshizawa, Belyaev and Seidel, "A fast and simple stretch-minimizing mesh parameterization", 2004).
+// Angles are kept only as far as that allows. `places` are the vertices on the surface; triangles without area are
+// allowed.
 //
-// Up to 30 sparse eliminations of as many rows as there are interior vertices. Deterministic. After a cancellation,
-// or if there is no solution in double precision, nothing.
+// Takes up to 30 sparse eliminations with a row for each interior vertex. Deterministic. Empty after a cancellation, or
+// if there is no solution in double precision.
 std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution);
 
 }  // namespace planish

@@ -1,7 +1,7 @@
-// Joining: after charts were cut, some of them do as well together, often with others than before.
+// Joining: after cuts, some charts can be joined again, often with other neighbours than before.
 //
-// Whether two charts are worth a try is seen from their maps: one is turned and moved so that the outlines meet where
-// they are to be glued. Then both are solved as one, and stay one if that map is sound.
+// Whether two charts are worth a try is estimated from their maps: one is rotated and moved so that the outlines meet
+// where they would be glued. Then both are solved as one chart, and stay joined if its map is sound.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -18,20 +18,20 @@
 namespace planish {
 namespace {
 
-// A round is the last one if fewer than one in so many of the pairs that it tried stay joined.
+// The last round is the one in which fewer than one in this many of the tried pairs stay joined.
 constexpr std::ptrdiff_t kTriesPerJoint = 8;
 
-// What joining needs to know of a chart.
+// Figures of a chart that joining uses.
 struct Shape {
   std::vector<Vec2> hull;
-  double hull_area = 0, area = 0, perimeter = 0;  // the last two on the surface
-  int version = 0;                                // grows whenever two charts have become this one
+  double hull_area = 0, area = 0, perimeter = 0;  // area and perimeter on the surface
+  int version = 0;                                // grows with each joining into this chart
   bool may_join = false;
 
   double Compactness() const { return 4 * std::numbers::pi * area / (perimeter * perimeter); }
 };
 
-// Moves one map next to another: a turn by the unit number `turn` in the complex plane, then an offset.
+// Moves one map next to another: a rotation by the unit complex number `turn`, then an offset.
 struct Motion {
   Vec2 turn = Vec2(1, 0), offset = Vec2::Zero();
   double misfit = 0;  // root mean square distance
@@ -41,7 +41,7 @@ struct Motion {
   }
 };
 
-// Takes `from` to `to` as nearly as a turn can, which one may not be found if all points of either coincide.
+// The best rigid motion from `from` to `to`; nothing if all points of either coincide.
 std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>& to) {
   const auto n = static_cast<double>(from.size());
   Vec2 centre_from = Vec2::Zero(), centre_to = Vec2::Zero();
@@ -65,14 +65,14 @@ std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>
   return motion;
 }
 
-// The maps of solved charts. Joining looks at maps through this class or EstimatedMaps, which has the same members.
+// The maps of solved charts. Joining accesses maps through this class or EstimatedMaps, which has the same members.
 class SolvedMaps {
  public:
-  using Kept = MappedChart;  // what PutBack() needs of a chart to undo what came after Take()
+  using Kept = MappedChart;  // the state of a chart that PutBack() restores after Take()
 
   SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
 
-  // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
+  // Calls visit(h, start of h in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
     const MappedChart& mapped = charts_.charts[i];
@@ -86,7 +86,7 @@ class SolvedMaps {
 
   std::vector<HalfedgeHandle> Outline(std::int32_t i) const { return charts_.segmentation->Outline(i); }
 
-  // Whether the chart is one that may be joined, or stay joined.
+  // Whether the chart may be joined, or stay joined.
   bool IsSound(std::int32_t i) const {
     const MappedChart& mapped = charts_.charts[i];
     const std::vector<double>& least = mapped.chart.least_angle;
@@ -98,7 +98,7 @@ class SolvedMaps {
   Kept Take(std::int32_t i) { return std::exchange(charts_.charts[i], {}); }
   void PutBack(std::int32_t i, Kept kept) { charts_.charts[i] = std::move(kept); }
 
-  // Maps these charts as the segmentation has them now.
+  // Maps these charts as they are in the segmentation now.
   absl::Status Map(const std::vector<std::int32_t>& todo) {
     Timer timer;
     for (const std::int32_t i : todo) ExtractChart(i, job_.execution, &charts_);
@@ -106,7 +106,7 @@ class SolvedMaps {
     return SolveCharts(&job_, todo, &charts_);
   }
 
-  // As Segmentation::DropEmpty().
+  // See Segmentation::DropEmpty().
   void DropEmpty() {
     std::erase_if(charts_.charts, [](const MappedChart& mapped) { return mapped.chart.faces.empty(); });
   }
@@ -116,7 +116,7 @@ class SolvedMaps {
   Charts& charts_;
 };
 
-// Estimates of maps, before any chart is solved for.
+// Estimated maps, before any chart is solved.
 class EstimatedMaps {
  public:
   using Kept = ChartEstimate;
@@ -148,7 +148,7 @@ class EstimatedMaps {
     return absl::OkStatus();
   }
 
-  // The estimates are of no more use.
+  // The estimates are not used any more.
   void DropEmpty() {}
 
  private:
@@ -185,14 +185,14 @@ class Joining {
   }
 
  private:
-  // Of a joint: what joining the charts would add to the areas of their hulls, and its length on the surface.
+  // For a joint: how much joining would increase the area of the hulls, and the joint's length on the surface.
   struct Look {
     double hull_growth, length;
   };
 
   // A pair that is being tried.
   struct Attempt {
-    typename Maps::Kept chart, other;  // the maps of the two, as they were
+    typename Maps::Kept chart, other;  // the maps of the two before
     Segmentation::Joined joined;
   };
 
@@ -225,7 +225,7 @@ class Joining {
     return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
-  // What two charts would be as one, by their maps; nothing if the joint is not to be tried whatever it may cost.
+  // Figures of the joined chart, estimated from the two maps; nothing if the joint must not be tried at any cost.
   std::optional<Look> LookAt(const Segmentation::Joint& joint) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     double length = 0, mapped_length = 0;
@@ -251,7 +251,7 @@ class Joining {
     return Look{hull - one.hull_area - other.hull_area, length};
   }
 
-  // Of convex hulls, for the packer.
+  // The increase of convex hulls that joining may cost the packer.
   double MostCost(double length) const {
     return PackerCutsFor(job_.options).join_gain * (necks_.least_gain + necks_.width * length);
   }
@@ -264,7 +264,7 @@ class Joining {
     std::vector<std::vector<HalfedgeHandle>> outlines;
     for (std::int32_t i = 0; i < std::ssize(shapes_); ++i) outlines.push_back(maps_.Outline(i));
     const std::vector<Segmentation::Joint> joints = segmentation_.Joints(std::move(outlines));
-    // Faces of both charts, and the number of the joint. The smallest are tried first, since work is counted in faces.
+    // Faces of both charts, and the index of the joint. The smallest are tried first, since work is counted in faces.
     std::vector<std::pair<std::size_t, std::size_t>> candidates;
     for (std::size_t i = 0; i < joints.size() && !job_.execution.IsCancelledAt(static_cast<std::int64_t>(i)); ++i) {
       if (const std::optional<std::size_t> faces = Consider(joints[i])) candidates.emplace_back(*faces, i);
@@ -293,7 +293,7 @@ class Joining {
     return joined > 0 && kTriesPerJoint * joined >= std::ssize(attempts);
   }
 
-  // Keeps the joined chart if its map is sound; otherwise puts the two charts back.
+  // Keeps the joined chart if its map is sound; otherwise restores the two charts.
   bool Settle(Attempt* attempt) {
     const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
     const double hulls = shapes_[i].hull_area + shapes_[j].hull_area;
@@ -327,19 +327,19 @@ class Joining {
   Segmentation& segmentation_;
   const Surface& surface_;
   const AtlasTuning& tuning_;
-  std::vector<Vec2> place_;    // per half-edge: where it begins in the map of its chart, if it is on the outline
+  std::vector<Vec2> place_;    // per half-edge on the outline: its start in its chart's map
   std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
-  double left_;  // faces that may be solved again
-  // The last look at each joint, by the first half-edge of its border, with the versions of the charts then. A chart
-  // with hundreds of neighbours has a long outline: its hull took most of the time of such meshes, in round after
-  // round.
+  double left_;  // faces that may still be solved again
+  // The last Look at each joint, by the first half-edge of its border, with the versions of the charts. A chart with
+  // hundreds of neighbours has a long outline, and computing its hull in every round took most of the time of such
+  // meshes.
   struct VersionedLook {
     std::pair<int, int> versions;
     std::optional<Look> look;
   };
   std::unordered_map<int, VersionedLook> looks_;
-  // Charts that could not be joined, by their numbers, with their versions then.
+  // Charts that could not be joined, by their numbers, with their versions at that time.
   std::map<std::pair<std::int32_t, std::int32_t>, std::pair<int, int>> failed_;
 };
 

@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-// Texels that the outline of a thin chart covers across, beside the padding.
+// Texels across the outline of a thin chart, beside the padding.
 constexpr double kTexelsAcross = 2;
 constexpr int kMostRounds = 8;  // of the search
 
@@ -30,8 +30,8 @@ double AreaOfOthers(const Mesh& mesh, const Polygons& polygons, const std::vecto
 std::vector<char> FindLongNeedles(const Mesh& mesh, const Polygons& polygons, const AtlasTuning& tuning) {
   std::vector<char> needles(mesh.faces.size(), 0);
   std::int64_t count = 0, before = -1;
-  // Without the longest ones the texture is smaller, and others are too long for it. Where there are any, none is drawn
-  // longer than ReduceLongNeedles() draws those.
+  // Without the longest needles the texture is smaller, so others become too long for it. If there are any, no face is
+  // drawn longer than ReduceLongNeedles() draws those.
   for (int round = 0; round < kMostRounds && count > before; ++round) {
     before = count;
     const double longest =

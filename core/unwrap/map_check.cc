@@ -21,16 +21,16 @@ namespace {
 
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
-// One face in the map and on the surface.
+// A face in the map and on the surface.
 struct FaceSizes {
   int orientation = 0;
-  double uv_area = 0;  // with its sign
+  double uv_area = 0;  // signed
   double surface_area = 0;
 
   bool HasStretch() const { return orientation != 0 && uv_area != 0 && surface_area > 0; }
 };
 
-// Of faces, over their angles, degrees.
+// Over the angles of faces, degrees.
 struct AngleErrors {
   double sum = 0, angles = 0;
 
@@ -86,7 +86,7 @@ class MapJudge {
     if (check_.without_area == 0) is_without_area_.clear();
   }
 
-  // A chart is mirrored as a whole if its area has a negative sum; what is turned against that is flipped.
+  // A chart is mirrored as a whole if its signed area is negative; faces of the opposite orientation are flipped.
   void FindFlips() {
     std::vector<double> area(check_.charts.size(), 0.0);
     std::vector<std::int64_t> upright(check_.charts.size(), 0);
@@ -100,7 +100,7 @@ class MapJudge {
       chart.surface_area += sizes_[f].surface_area;
     }
     for (std::size_t c = 0; c < check_.charts.size(); ++c) {
-      // Where areas are too small to have a sign, faces are counted.
+      // If areas are too small to have a sign, counts faces.
       check_.charts[c].is_mirrored = area[c] < 0 || (area[c] == 0 && upright[c] < 0);
       check_.mirrored_charts += check_.charts[c].is_mirrored;
     }
@@ -116,8 +116,8 @@ class MapJudge {
     }
   }
 
-  // The tile whose closed square has all these points; -1: none of those allowed. On a border between two, that of the
-  // centre.
+  // The tile whose closed square has all these points; -1 if there is none among the allowed ones. At a border, the
+  // tile of the centre.
   std::int32_t TileOf(const Eigen::AlignedBox2d& box) const {
     const Vec2 low = box.center().array().floor();
     if (!(low.x() >= 0 && low.x() < PackOptions::kTilesInRow && low.y() >= 0 && low.y() < options_.tiles)) return -1;
@@ -142,7 +142,7 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
-  // Faces that lie at fewer than three places join nothing.
+  // Faces with fewer than three different places join nothing.
   void JoinEdges() {
     const std::vector<std::int32_t>& place = topology_.place_of_corner;
     is_joined_.assign(place.size(), 0);
@@ -165,11 +165,11 @@ class MapJudge {
   }
 
   void FindOverlapping() {
-    // A map that is as it should be needs no look at pairs; a mirrored chart does.
+    // A map without faults needs no test of pairs; a mirrored chart does.
     OrientationFaults orientation;
     orientation.flipped = check_.flipped + check_.mirrored_triangles;
     orientation.degenerate = check_.degenerate;
-    constexpr std::int64_t kTestsPerFace = 30;  // beyond that pairs are no slower
+    constexpr std::int64_t kTestsPerFace = 30;  // beyond that, testing pairs is as fast
     const std::vector<char>& ignored = is_without_area_;
     const std::int64_t tests = kTestsPerFace * num_faces();
     if (OutlinesProveNoOverlap(opposite_, uv_, orientation, tests, execution_, ignored)) return;
@@ -184,7 +184,7 @@ class MapJudge {
     }
   }
 
-  // The root of area in the map over area on the surface, of everything.
+  // The square root of area in the map over area on the surface, of everything.
   double Scale() const { return check_.surface_area > 0 ? std::sqrt(check_.uv_area / check_.surface_area) : 0; }
 
   void MeasureStretch() {
@@ -198,7 +198,7 @@ class MapJudge {
       own.Add(InMap(f).data(), OnSurface(f).data());
       all.Add(own);
       of_chart[topology_.chart_of_face[f]].Add(own);
-      // From the mean of the squares of both singular values of the inverse map, and their product.
+      // From the mean of the squared singular values of the inverse map, and from their product.
       const double mean = own.stretch / own.surface_area, product = own.surface_area / own.uv_area;
       const double larger = std::sqrt(mean + std::sqrt(std::max(0.0, (mean - product) * (mean + product))));
       const double smaller = product / larger;
@@ -270,7 +270,7 @@ class MapJudge {
 
   static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
-  // Of the surface, which faces without three vertices are no part of.
+  // On the surface, to which faces without three different vertices do not belong.
   bool OnOneEdge(std::int32_t c, std::int32_t d) const {
     const std::vector<Face>& faces = mesh_.faces;
     return HasThreeCorners(faces[c / 3]) && HasThreeCorners(faces[d / 3]) &&
@@ -303,7 +303,7 @@ class MapJudge {
                                       options_.min_padding * texel, kMaxSpacingTests, execution_);
     check_.spacing.nearest.distance /= texel;
     for (ChartPair& pair : check_.spacing.near) pair.distance /= texel;
-    // A chart that lies on another one is not apart from it, however far from its outline.
+    // A chart that overlaps another one is not apart from it, however far from its outline.
     for (std::size_t i = 0; i + 1 < check_.overlapping_pairs.size(); i += 2) {
       const auto [a, b] = std::minmax(topology_.chart_of_face[check_.overlapping_pairs[i]],
                                       topology_.chart_of_face[check_.overlapping_pairs[i + 1]]);
@@ -319,10 +319,10 @@ class MapJudge {
   const MapCheckOptions& options_;
   const Execution& execution_;
   std::vector<FaceSizes> sizes_;
-  std::vector<char> is_without_area_;   // per face: on the surface; empty: none
-  std::vector<char> is_joined_;         // per half-edge: the map goes on behind it
-  std::vector<char> is_on_seam_;        // per half-edge: unless it does so to one on the same edge of the surface
-  std::vector<std::int32_t> opposite_;  // where it does so in one face, wound alike; -1 elsewhere
+  std::vector<char> is_without_area_;   // per face: on the surface; empty: no such face
+  std::vector<char> is_joined_;         // per half-edge: the map continues across it
+  std::vector<char> is_on_seam_;        // per half-edge: it is joined to none on the same edge of the surface
+  std::vector<std::int32_t> opposite_;  // the joined half-edge of a single face with the same orientation; -1 elsewhere
   MapCheck check_;
 };
 

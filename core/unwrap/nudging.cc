@@ -1,7 +1,7 @@
-// Rounding collapses a face that is a few units of the last place thick, and lets an outline cross itself that touches
-// itself, in some places and not in others. A chart with such a fault where the packer has put it is moved by a hair.
-// One for which that does not help is cut and packed again; drafts find such charts beforehand, since they try several
-// turns.
+// Rounding collapses a face that is only a few units in the last place thick, and makes an outline that touches itself
+// overlap, but only at some positions. A chart with such a fault at its packed position is moved slightly. If moving
+// does not remove the fault, the chart is cut and the atlas is packed again. Drafts rotate each chart several times,
+// and so find such charts earlier.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -15,23 +15,23 @@
 namespace planish {
 namespace {
 
-constexpr int kNudges = 16;            // places that are tried for a chart
-constexpr int kShakes = 8;             // turns that a draft tries
-constexpr std::int64_t kFewFaces = 4;  // of a chart with more faces that collapse, some would wherever it lies
+constexpr int kNudges = 16;            // places tried for a chart
+constexpr int kShakes = 8;             // rotations tried by a draft
+constexpr std::int64_t kFewFaces = 4;  // of a chart with more collapsed faces, some would collapse at any place
 
 std::int64_t CountTurned(const Charts& charts, const Chart& chart, const CornerUv& uv) {
   return std::count_if(chart.faces.begin(), chart.faces.end(),
                        [&](std::int32_t f) { return !charts.is_ignored(f) && Orientation(TriangleOf(uv, f)) <= 0; });
 }
 
-// On a spiral, from 0 on.
+// Points on a spiral, from 0 on.
 Vec2 Nudge(int i) {
   const double angle = i * std::numbers::pi * (3 - std::sqrt(5.0)), length = kFreeMove * (i + 1) / kNudges;
   return length * Vec2(portable::Cos(angle), portable::Sin(angle));
 }
 
-// Moves a chart to the first place(i), i in [0, count), at which the UV as delivered are as wanted, and returns whether
-// there is one. If not, the chart stays.
+// Moves a chart to the first place(i), i in [0, count), at which the delivered UV are as wanted. Returns false, and
+// does not move it, if there is none.
 template <typename Place, typename IsWanted>
 bool MoveTo(int count, const Place& place, const IsWanted& is_wanted, const Job& job, MappedChart* mapped,
             Delivery* delivery) {

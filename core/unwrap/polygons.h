@@ -1,4 +1,4 @@
-// The polygons that the caller's triangles come from: what cannot be cut, and what the caller calls a face.
+// The polygons of the caller's triangles, which cannot be cut and which the caller calls faces.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace planish {
 
-// Triangles are numbered as the mesh numbers its faces, polygons in the order of their first triangles. Without
+// Triangles have the numbers of the mesh's faces; polygons are numbered in the order of their first triangles. Without
 // polygons each triangle is one, and nothing is stored.
 class Polygons {
  public:
@@ -19,7 +19,7 @@ class Polygons {
   bool are_triangles() const { return of_face_.empty(); }
   std::int32_t count() const { return are_triangles() ? num_faces_ : faces_.count(); }
   std::int32_t of(std::int32_t face) const { return are_triangles() ? face : of_face_[face]; }
-  // body(triangle) for each triangle of polygon i, ascending.
+  // Calls body(triangle) for each triangle of polygon i, ascending.
   template <typename Body>
   void ForEachFace(std::int32_t i, const Body& body) const {
     if (are_triangles()) {
@@ -28,7 +28,7 @@ class Polygons {
       for (const std::int32_t f : faces_[i]) body(f);
     }
   }
-  // How many polygons have triangles among these.
+  // The number of polygons with triangles among these.
   std::int64_t CountIn(const std::vector<std::int32_t>& faces) const;
 
  private:
@@ -37,13 +37,13 @@ class Polygons {
   Groups faces_;  // by polygon
 };
 
-// How large a polygon is on the surface.
+// The size of a polygon on the surface.
 struct PolygonSize {
   double area = 0;
-  double length = 0;  // from one of its vertices to another one; of a triangle, its longest edge
+  double length = 0;  // between two of its vertices; for a triangle, its longest edge
 };
-// 0 and 0 where a triangle refers to a vertex that does not exist, or is not finite. The length of a polygon is that
-// from the vertex farthest from its first one to the vertex farthest from there: at least half of the greatest one.
+// Zeros if a triangle refers to a vertex that does not exist or is not finite. The length of a polygon is that from the
+// vertex farthest from its first one to the vertex farthest from there: at least half of its diameter.
 PolygonSize SizeOfPolygon(const Mesh& mesh, const Polygons& polygons, std::int32_t i);
 
 }  // namespace planish

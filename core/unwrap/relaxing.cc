@@ -20,9 +20,9 @@ namespace {
 
 constexpr int kMostSteps = 200, kMemory = 8, kMostShorter = 20, kMostOverlaps = 40;
 constexpr std::int64_t kMostWork = 4'000'000;  // steps times faces
-constexpr double kLeastGainOfSteps = 2e-3;     // of the energy, in kStepsWatched steps: less ends the search
+constexpr double kLeastGainOfSteps = 2e-3;     // of the energy, in kStepsWatched steps; less ends the search
 constexpr int kStepsWatched = 10;
-constexpr double kLeastAspect = 1e-6;  // of an altitude over the longest edge: thinner faces do not count
+constexpr double kLeastAspect = 1e-6;  // altitude over longest edge; thinner faces do not count
 
 class Relaxation {
  public:
@@ -42,7 +42,7 @@ class Relaxation {
       const double length = one.norm(), height = one.cross(two).norm() / std::max(length, 1e-300);
       if (!(height > kLeastAspect * std::max({length, two.norm(), (two - one).norm()}))) continue;
       Term term = {f, length * height / 2, {}};
-      // The inverse of the matrix whose columns are the edges in the plane of the face.
+      // The inverse of the matrix whose columns are the edges in the face's plane.
       const double along = one.dot(two) / length;
       term.inverse << 1 / length, -along / (length * height), 0, 1 / height;
       terms_.push_back(term);
@@ -94,7 +94,7 @@ class Relaxation {
     }
   }
 
-  // Vertices on both sides of a closed slit are one.
+  // Joins vertices on both sides of a closed slit.
   void JoinVertices() {
     const std::vector<Face> joined = FacesOfFans(opposite_, [](std::int32_t) {});
     vertex_.assign(topology_.num_vertices, -1);
@@ -141,7 +141,7 @@ class Relaxation {
     std::vector<Triplet> entries;
     std::vector<double> diagonal(count_, 0);
     for (const auto& [f, area, inverse] : terms_) {
-      Eigen::Matrix<double, 2, 3> slopes;  // of the three hat functions, in the plane of the face
+      Eigen::Matrix<double, 2, 3> slopes;  // of the three hat functions, in the face's plane
       slopes.col(1) = inverse.row(0).transpose();
       slopes.col(2) = inverse.row(1).transpose();
       slopes.col(0) = -slopes.col(1) - slopes.col(2);
@@ -194,7 +194,7 @@ class Relaxation {
     return q;
   }
 
-  // How far all triangles stay open: the least positive root of their areas.
+  // The longest step without a collapsed triangle: the least positive root of their areas.
   double MostStep(const std::vector<Vec2>& d) const {
     double most = std::numeric_limits<double>::infinity();
     for (std::int32_t f = 0; f < static_cast<std::int32_t>(faces_.size()); ++f) {

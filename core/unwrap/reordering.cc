@@ -15,7 +15,7 @@ std::vector<std::int32_t> InverseOf(const std::vector<std::int32_t>& order) {
   return inverse;
 }
 
-// values[order[i]] for every i; nothing of nothing.
+// values[order[i]] for every i; empty if `values` is.
 template <typename Value>
 std::vector<Value> InOrder(const std::vector<Value>& values, const std::vector<std::int32_t>& order) {
   std::vector<Value> ordered;

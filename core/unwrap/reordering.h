@@ -1,6 +1,6 @@
-// A large mesh is unwrapped with its vertices and faces in spatial order: neighbours are near in memory then. On
+// Large meshes are unwrapped with vertices and faces in spatial order, so that neighbours are close in memory. On
 // surface nets of 444,216 and 573,048 faces, written row by row of their grids, that saves 5 to 11 % of the time, and
-// 30 % where faces come at random. What the caller hears has the numbers of the caller's mesh.
+// 30 % if faces are in random order. Results have the numbers of the caller's mesh.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +15,14 @@ namespace planish {
 
 class Reordering {
  public:
-  // Nothing if the mesh will be refused: with a position that is not finite, or a face that refers to a vertex that
-  // does not exist; nor after a cancellation. O(F).
+  // Nothing if the mesh will be refused, for a position that is not finite or a vertex that does not exist, and after a
+  // cancellation. O(F).
   static std::optional<Reordering> Of(const Mesh& mesh, const Execution& execution);
 
   // The caller's mesh and options in the new order.
   Mesh Apply(const Mesh& mesh) const;
   UnwrapOptions Apply(const UnwrapOptions& options) const;
-  // Gives a result of these the caller's numbers.
+  // Converts a result to the caller's numbers.
   void Restore(UnwrapResult* result) const;
 
  private:

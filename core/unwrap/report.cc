@@ -40,7 +40,7 @@ void WarnOfPrecision(const Delivery& delivery, std::vector<UnwrapWarning>* warni
        delivery.lost_faces});
 }
 
-// Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
+// Warns if rounding to float, which keeps every triangle, still raises the energy noticeably.
 void WarnOfCoarseFloat(UnwrapResult* result) {
   constexpr double kNegligible = 1e-4;   // energy per angle: a hundredth of the angle
   constexpr double kWorthSaying = 1e-3;  // of the energy before rounding
@@ -60,8 +60,8 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
 }
 
-// Charts that were not packed, and those of a draft, lie one over the other, and so do atlases that are stacked: each
-// is looked at by itself.
+// Finds overlaps within each group that is laid out separately: charts that were not packed or are a draft lie on top
+// of each other, and so do stacked atlases.
 Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, bool is_draft, const CornerUv& uv,
                            const OrientationFaults& orientation) {
   const UnwrapOptions& options = job.options;
@@ -87,7 +87,7 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, bool is_draft, 
   return all;
 }
 
-// `face_chart`: as UnwrapResult::face_chart.
+// `face_chart`: see UnwrapResult::face_chart.
 double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const std::vector<std::int32_t>& face_chart) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
   const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
@@ -98,7 +98,7 @@ double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const std::vec
   return SeamLength(mesh, ends, [](std::int32_t) { return false; }) / std::sqrt(charts.total_area);
 }
 
-// With how many faces each atlas has, and how full it is.
+// Adds the number of faces and the efficiency of each atlas.
 std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv) {
   std::map<std::int32_t, AtlasReport> by_number = atlas.atlases;
   const std::vector<std::int32_t>& face_atlas = job.options.face_atlas;
@@ -116,7 +116,7 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
   return reports;
 }
 
-// The face of a chart that is stretched most.
+// The face of a chart with the most stretch.
 std::int32_t MostStretched(const Job& job, const Charts& charts, const Chart& chart, const CornerUv& uv) {
   std::int32_t worst = chart.faces.front();
   double most = -1;
@@ -130,7 +130,7 @@ std::int32_t MostStretched(const Job& job, const Charts& charts, const Chart& ch
   return worst;
 }
 
-// The stretch of charts by themselves and, where charts have another density than the whole map, in that.
+// Warns of the stretch of single charts and, if densities differ, of the whole map.
 void WarnOfStretch(const Job& job, const Charts& charts, const std::vector<MapSums>& own, const MapSums& all,
                    const CornerUv& uv, std::vector<UnwrapWarning>* warnings) {
   const bool is_much = all.StretchL2() > kMuchStretch && job.options.face_weights.empty();
@@ -205,7 +205,7 @@ absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Deliver
 
 namespace {
 
-// The first face of each polygon that has different UV on the two sides of a diagonal, in the order of polygons.
+// The first face of each polygon with different UV on the two sides of a diagonal, in the order of polygons.
 std::vector<std::int32_t> TornPolygons(const Charts& charts, const std::vector<std::int32_t>& polygon,
                                        const CornerUv& uv) {
   std::vector<std::int32_t> first_faces;
@@ -241,7 +241,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const MappedChart& mapped : charts.charts) {
     for (const std::int32_t f : mapped.chart.faces) {
       const bool is_widened = !charts.least_angle.empty() && charts.least_angle[f] > 0;
-      // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
+      // If the scale varies much, as it may with fewer seams, faces of any shape become small.
       const bool may_be_thin = job->options.seams.policy == SeamPolicy::kAuto && !charts.is_ignored(f);
       if (is_widened ||
           (may_be_thin && IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f))) {
@@ -255,7 +255,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   result.texture_size = atlas.texture_size;
   result.padding = atlas.padding;
   if (job->options.pack) result.texels_per_unit = atlas.scale * atlas.texture_size;
-  // The one chart may be enlarged.
+  // A single chart may be enlarged.
   if (!job->packs()) result.texels_per_unit *= charts.charts.front().chart.enlargement;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
@@ -289,7 +289,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   result.quality.flipped = delivery.orientation.flipped;
   result.quality.degenerate = delivery.orientation.degenerate;
   result.quality.overlapping = delivery.overlaps.pairs;
-  // Faces without area count in the one energy and not in the other, and widened ones keep other angles.
+  // Faces without area count in only one of the energies, and widened ones keep other angles.
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;

@@ -68,7 +68,7 @@ class MirrorSearch {
   static constexpr std::size_t kMostLookedAt = 20'000;
   static constexpr std::int64_t kMostTests = 20'000'000;
 
-  // Cells are twice as wide as what is near: eight of them hold all that is near a place.
+  // Cells are twice as wide as the search distance: eight of them hold all vertices near a place.
   std::array<std::int64_t, 3> CellOf(const Vec3& p) const {
     std::array<std::int64_t, 3> cell;
     for (int k = 0; k < 3; ++k) cell[k] = std::llround(std::floor((p[k] - box_.min()[k]) / (2 * near_)));
@@ -80,7 +80,7 @@ class MirrorSearch {
     return key;
   }
 
-  // The nearest vertex to the mirror image; -1 if none is near.
+  // The vertex nearest to the mirror image; -1 if none is near.
   std::int32_t ImageOf(std::int32_t v, int axis, double at) {
     Vec3 p = positions_[v];
     p[axis] = 2 * at - p[axis];
@@ -110,7 +110,7 @@ class MirrorSearch {
     return nearest;
   }
 
-  // Of the vertices, or of so many spread evenly: those with an image. 0 as soon as too many have none.
+  // The share of the vertices (or of a sample) that have an image. 0 as soon as too many have none.
   double ShareMatched(int axis, double at) {
     const std::size_t step = (vertices_.size() + kMostLookedAt - 1) / kMostLookedAt;
     const std::size_t all = (vertices_.size() + step - 1) / step;

@@ -11,10 +11,10 @@
 namespace planish {
 namespace {
 
-constexpr std::int32_t kLargeChart = 30'000;  // faces; smaller ones are one thread's work
+constexpr std::int32_t kLargeChart = 30'000;  // faces; smaller charts are solved on one thread
 
-// body(chart, execution, whether it runs on the calling thread) for each, in this order, largest first: those that are
-// worth it with the whole team.
+// Calls body(chart, execution, whether on the calling thread) for each chart, in this order, largest first; large
+// charts use the whole team.
 template <typename Body>
 void ForEachChart(const Execution& execution, const Charts& charts, const std::vector<std::int32_t>& todo,
                   const Body& body) {
@@ -32,14 +32,14 @@ void ForEachChart(const Execution& execution, const Charts& charts, const std::v
   });
 }
 
-// Whether the chart will be cut because of its solve, whatever the map looks like (Refine()).
+// Whether the chart will be cut because of its solve, whatever its map is like (Refine()).
 bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
   return job.options.seams.policy == SeamPolicy::kAuto && mapped.chart.faces.size() > 1 &&
          (!mapped.map.flatten->converged || mapped.map.flatten->barrier > 0);
 }
 
-// Layout and faults. Where faces are too thin, the chart is solved again with these widened. `of_triangle`: the solve
-// of a chart that has none of its own.
+// Computes layout and faults. If faces are too thin, solves the chart again with these widened. `of_triangle`: the
+// solve of a chart that has none of its own.
 absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const FlattenSummary>& of_triangle,
                     MappedChart* mapped) {
   const auto& [job, charts, number, limits, execution, reports] = solve;
@@ -60,17 +60,17 @@ absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const Flatten
   }
   if (job->options.seams.policy == SeamPolicy::kNone && !mapped->map.flatten->stopped) return absl::OkStatus();
   if (IsCutAnyway(*job, *mapped) && mapped->is_worth_cutting && !execution.IsStopRequested()) {
-    mapped->faults.is_injective = false;  // for all that is known
+    mapped->faults.is_injective = false;  // unknown, so assumed faulty
     return absl::OkStatus();
   }
   mapped->faults = FindFaults(job->mesh, mapped->chart, mapped->map, charts.ignored, charts.resolution, execution);
-  // Where more seams are welcome they are better: of 200 maps that ran over themselves, all were stretched too far by a
-  // convex outline, at ten times the cost of a split.
+  // If more seams are allowed they are better: of 200 maps that overlapped themselves, a convex outline stretched all
+  // too far, at ten times the cost of a cut.
   if (limits.other_map > 0 && !execution.IsStopRequested()) MapWithFixedBorders(solve, mapped);
   return absl::OkStatus();
 }
 
-// What the solve of each of these charts that is_triangle_as_measured() says; null if there are none.
+// The shared summary of all charts that are is_triangle_as_measured(); null if there are none.
 absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, const std::vector<std::int32_t>& todo,
                                                                      Charts* charts) {
   const auto first = std::find_if(todo.begin(), todo.end(),
@@ -83,7 +83,7 @@ absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, c
   return std::make_shared<const FlattenSummary>(std::move(flattening.summary));
 }
 
-// Parts of the chart widen the same faces, should it be cut.
+// Records widened faces, so that parts of the chart widen them too if it is cut.
 void NoteWidened(const Chart& chart, std::int64_t num_faces, Charts* charts) {
   if (chart.least_angle.empty()) return;
   if (charts->least_angle.empty()) charts->least_angle.assign(num_faces, 0.0);
@@ -124,7 +124,7 @@ WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector
   double faces = 0;
   for (const std::int32_t i : todo) faces += static_cast<double>(charts.charts[i].chart.faces.size());
   const double left = tuning.all_needed_work * static_cast<double>(job.mesh.num_faces()) - charts.work;
-  // One solve and one other map at least.
+  // Work for at least one solve and one other map.
   if (left < static_cast<double>(tuning.needed_work + tuning.other_map_work) * faces) {
     return {.solve = tuning.needed_work, .gives_up = true};
   }
@@ -147,12 +147,12 @@ absl::StatusOr<Flattening> FlattenWith(const ChartSolve& solve, BoundaryType bou
                                        MappedChart* mapped) {
   const auto& [job, charts, number, limits, execution, reports] = solve;
   FlattenControl control = ControlOf(solve);
-  // The sides of a slit must come to lie on each other, or overlap.
+  // The sides of a slit must coincide, or they would overlap.
   if (!mapped->chart.slits.empty()) control.flat_enough = job->options.flatten.tolerance;
   FlattenOptions options = job->options.flatten;
   options.boundary = boundary;
   control.most_work = mapped->is_worth_cutting ? most_work : job->options.tuning.most_work;
-  // A chart that takes long is better cut, and solved in parts.
+  // A chart that takes long is better cut and solved in parts.
   if (limits.gives_up && mapped->is_worth_cutting) {
     options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
     control.gives_up = !execution.IsStopRequested();
@@ -171,7 +171,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   const auto size = [&](std::int32_t i) { return charts->charts[i].chart.faces.size(); };
   std::stable_sort(todo.begin(), todo.end(), [&](std::int32_t i, std::int32_t j) { return size(i) > size(j); });
   const WorkLimits limits = WorkLimitsFor(*job, *charts, todo);
-  // The solve announces itself, with its first residual.
+  // The solve reports itself, with its first residual.
   job->progress.stage = UnwrapStage::kSolve;
   job->progress.stage_fraction = 0;
   job->progress.chart_count = charts->count();

@@ -65,7 +65,7 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
                      {{"corner", absl::StrCat(*beyond)}});
 }
 
-// What atlases and weights have in common: one for each face, and charts that are packed.
+// Checks shared by atlases and weights: one for each face, and charts are packed.
 absl::Status CheckPerFace(const std::string& field, std::size_t count, const UnwrapOptions& options,
                           std::int64_t num_faces) {
   if (static_cast<std::int64_t>(count) != num_faces) {
@@ -134,8 +134,8 @@ absl::Status CheckPolygons(const UnwrapOptions& options, std::int64_t num_faces)
   return absl::OkStatus();
 }
 
-// Maps the charts in `todo`, and those that they are cut into until each map is sound. That ends: a cut makes more
-// charts, and a chart of one triangle is not cut.
+// Maps the charts in `todo`, cutting charts until each map is sound. Terminates, since cuts make more charts, and a
+// chart of one triangle is not cut.
 absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* charts) {
   bool goes_on = true;
   while (goes_on) {
@@ -147,7 +147,7 @@ absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* ch
   return absl::OkStatus();
 }
 
-// What becomes of the charts after a stop: STOPPED_EARLY if there is no valid map.
+// The status after a stop: STOPPED_EARLY if there is no valid map.
 absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts& charts) {
   if (!job.execution.IsStopRequested()) return made;
   const auto error = [](const std::string& detail, const std::map<std::string, std::string>& metadata) {
@@ -185,7 +185,7 @@ absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
 
 namespace {
 
-// Unwrap() of a mesh as its faces and vertices lie. Warnings do not name their faces in the metadata yet.
+// Unwrap() of a mesh in its own order. Warnings do not list their faces in the metadata yet.
 absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
                                            const Execution& execution) {
   Job* watched = nullptr;
@@ -197,9 +197,9 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts may be solved and placed again and again, above all those with faces too thin for the type: ten packings
-  // were most of the work. All but the last are drafts, from the first on where faces were widened, otherwise from the
-  // second on.
+  // Charts may be solved and placed repeatedly, especially those with faces too thin for the type: ten packings took
+  // most of the work. All but the last packing are drafts, beginning with the first if faces were widened, otherwise
+  // with the second.
   std::optional<bool> is_draft;
   std::optional<Atlas> atlas;
   while (true) {
@@ -238,7 +238,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   PLANISH_RETURN_IF_ERROR(options.ValidateFor(mesh.num_faces()));
   ThreadTeam team(options.threads);
   const Execution execution = {&team, control.cancel, control.stop};
-  // One disc is put in order by MakeTopology().
+  // For a single disc MakeTopology() sorts vertices and faces.
   std::optional<Reordering> reordering;
   if (options.seams.policy != SeamPolicy::kNone && mesh.num_faces() >= options.tuning.reordered_faces) {
     reordering = Reordering::Of(mesh, execution);
@@ -248,7 +248,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     result = UnwrapInOrder(reordering->Apply(mesh), reordering->Apply(options), control, execution);
     if (result.ok()) reordering->Restore(&*result);
   }
-  // What is wrong with the mesh is told in the caller's numbers.
+  // Faults of the mesh are reported in the caller's numbers.
   if (!reordering || absl::IsInvalidArgument(result.status())) {
     result = UnwrapInOrder(mesh, options, control, execution);
   }

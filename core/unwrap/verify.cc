@@ -48,7 +48,7 @@ Vec2 To(const CornerUv& uv, std::int32_t c) {
 
 struct Outlines : Loops {
   std::vector<std::int32_t> loop_of;   // of each item
-  std::vector<std::int32_t> chart_of;  // of each loop; FindCharts() sets it
+  std::vector<std::int32_t> chart_of;  // of each loop; set by FindCharts()
   std::int32_t num_charts = 0;
 };
 
@@ -79,7 +79,7 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
       const Vec2 other_from = From(uv, outlines.item[j]), other_to = To(uv, outlines.item[j]);
       const bool follows = follower(i) == j, precedes = follower(j) == i;
       if (!follows && !precedes) return !SegmentsMeet(from, to, other_from, other_to);
-      // Neighbours share an end; they meet elsewhere only if one folds back onto the other.
+      // Neighbours share an end; they intersect elsewhere only if one folds back onto the other.
       const Vec2 &a = follows ? from : other_from, &b = follows ? to : other_to, &c = follows ? other_to : to;
       return !(Orientation(a, b, c) == 0 && (b - a).dot(c - b) <= 0);
     });
@@ -89,8 +89,8 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
   return are_clear && !execution.IsCancelled();
 }
 
-// Which way round a simple loop runs: 1 counter-clockwise, -1 clockwise, 0 where its lowest corner has no area. By that
-// corner, of several the leftmost, which no other part of the loop lies below.
+// The orientation of a simple loop: 1 counter-clockwise, -1 clockwise, 0 if its lowest corner has no area. Determined
+// at the leftmost of its lowest corners, as no other part of the loop is below it.
 int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
   const std::span<const std::int32_t> half_edges = outlines[loop];
   std::size_t lowest = 0;
@@ -102,8 +102,8 @@ int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
   return Orientation(From(uv, half_edges[before]), From(uv, half_edges[lowest]), To(uv, half_edges[lowest]));
 }
 
-// Whether one loop of each chart runs counter-clockwise and all others clockwise, as round holes. A hole that is turned
-// inside out overlaps the faces round it, though its sides meet at its corners only.
+// Whether one loop of each chart runs counter-clockwise and all others clockwise, as round holes. An inverted hole
+// overlaps the faces round it, although its sides meet only at its corners.
 bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
   std::vector<char> has_outer(outlines.num_charts, 0);
   for (std::int32_t loop = 0; loop < outlines.count(); ++loop) {
@@ -114,8 +114,7 @@ bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
   return true;
 }
 
-// Whether the outlines of other charts wind round some point of each chart's outline; true as well after too many
-// tests.
+// Whether the outlines of other charts wind round some point of each chart's outline; also true after too many tests.
 bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
   std::vector<Box> box_of_chart(outlines.num_charts);
@@ -131,7 +130,7 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
     const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
     const Box at = Box::Around(p, p);
     Box ray = at;
-    // Only charts whose box holds the point can wind round it.
+    // Only charts whose box has the point can wind round it.
     const auto may_hold = [&](std::int32_t other) { return other != chart && charts.boxes()[other].Meets(at); };
     charts.ForEachMeeting(at, [&](std::int32_t other) {
       if (other != chart) ray.Add(Vec2(charts.boxes()[other].high.x(), p.y()));
@@ -139,7 +138,7 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
     });
     if (*tests_left < 0) return true;
     if (ray.high.x() == p.x()) continue;
-    // A ray to the right, to the end of these, and how often their outlines cross it.
+    // Counts how often their outlines cross a ray to the right.
     int winding = 0;
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
       if (--*tests_left < 0) return false;
@@ -154,9 +153,9 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
   return false;
 }
 
-// Whether no outline of a chart meets itself or another one, no edge inside a chart is torn (its ends have the same
-// (u, v) from both sides), and no chart lies inside the area of another. Exact. For maps whose triangles all have
-// positive orientation. False as well after a cancellation or too many tests.
+// Whether no outline of a chart intersects itself or another one, no edge inside a chart is torn (both sides have the
+// same (u, v) at its ends), and no chart is inside the area of another. Exact. For maps whose triangles all have
+// positive orientation. Also false after a cancellation or too many tests.
 bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, std::int64_t max_tests,
                       const Execution& execution) {
   const std::int64_t torn = execution.Count(std::ssize(opposite), [&](std::int32_t c) {
@@ -181,7 +180,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
 
 using Triangle = std::array<Vec2, 3>;  // counter-clockwise
 
-// Turns face f so that it is counter-clockwise. False if it has no interior that counts.
+// Makes face f counter-clockwise. False if it has no interior that counts.
 bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int32_t f, Triangle* triangle) {
   Triangle& t = *triangle = TriangleOf(uv, f);
   const int sign = Orientation(t);
@@ -191,7 +190,7 @@ bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int3
 
 }  // namespace
 
-// Every triangle against all later ones.
+// Tests every triangle against all later ones.
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
                       const Execution& execution, const std::vector<char>& ignored, std::int64_t max_pairs) {
   if (execution.IsCancelled()) return {0, true, {}};
@@ -206,7 +205,7 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
   if (execution.IsCancelled()) return {0, true, {}};
   std::atomic<std::int64_t> pair_count = 0, test_count = 0;  // so far
   const auto is_at_limit = [&] { return pair_count >= max_pairs || test_count >= max_tests; };
-  // Finds the pairs of the faces in [begin, end) with later ones, until either count is at its limit.
+  // Finds pairs of the faces in [begin, end) with later ones, until either count reaches its limit.
   const auto look = [&](std::int64_t begin, std::int64_t end, std::vector<std::int32_t>* found) {
     for (auto f = static_cast<std::int32_t>(begin); f < end && !execution.IsCancelled(); ++f) {
       if (is_at_limit()) return;
@@ -225,7 +224,7 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
       test_count.fetch_add(tests, std::memory_order_relaxed);
     }
   };
-  // Some faces at a time, so that counting can stop early with the same result for any team.
+  // In blocks, so that counting can stop early with the same result for any team.
   constexpr std::int64_t kBlock = 64, kBlocks = 64;
   Overlaps all;
   for (std::int64_t begin = 0; begin < num_faces && !all.limited; begin += kBlock * kBlocks) {
@@ -239,7 +238,7 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
     execution.For(kBlocks, look_at_block, 1);
     all.limited = is_at_limit() || execution.IsCancelled();
     if (all.limited) {
-      // Blocks were cut short, who knows where: once more, one after the other.
+      // The limit was reached within some block: repeats them one after the other.
       found = {};
       pair_count = all.pairs;
       test_count = tests_before;
@@ -256,15 +255,16 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
   return all;
 }
 
-// A vertical line sweeps over the triangles from left to right (Shamos and Hoey 1976) and holds those that it crosses
-// in their order along it. Left of the first place at which two interiors meet, interiors are apart and their order is
-// one. There the two are neighbours on the line: one of them has just come, or all that lay between them have just
-// ended, since what is convex does not narrow to a point and widen again. So it is enough to compare a triangle with
-// its neighbours when it comes, and those that become neighbours when one ends. Exact, as VerticalOrder() is.
+// A vertical line sweeps over the triangles from left to right (Shamos and Hoey 1976) and holds those that it crosses,
+// in their order along it. Left of the first place at which two interiors intersect, interiors are disjoint and their
+// order is well defined. At that place the two triangles are neighbours on the line: one of them has just begun, or all
+// triangles between them have just ended, since a convex shape does not narrow to a point and widen again. So it
+// suffices to compare a triangle with its neighbours when it begins, and new neighbours when one ends. Exact, as
+// VerticalOrder() is.
 Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const std::vector<char>& ignored) {
   if (execution.IsCancelled()) return {0, true, {}};
   std::vector<Triangle> triangles(uv.size() / 6);
-  std::vector<std::int32_t> events;  // 2 f: face f comes, 2 f + 1: it ends; in the order of the sweep
+  std::vector<std::int32_t> events;  // 2 f: face f begins, 2 f + 1: it ends; in the order of the sweep
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(triangles.size()); ++f) {
     if (HasInterior(uv, ignored, f, &triangles[f])) events.insert(events.end(), {2 * f, 2 * f + 1});
   }
@@ -273,13 +273,13 @@ Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const st
     return event % 2 == 0 ? *std::min_element(t.begin(), t.end(), SweepsFirst)
                           : *std::max_element(t.begin(), t.end(), SweepsFirst);
   };
-  // What ends in a place ends before others come there.
+  // At a point, triangles end before others begin.
   std::sort(events.begin(), events.end(), [&](std::int32_t a, std::int32_t b) {
     const Vec2 p = place_of(a), q = place_of(b);
     if (p != q) return SweepsFirst(p, q);
     return a % 2 != b % 2 ? a % 2 > b % 2 : a < b;
   });
-  std::vector<std::int32_t> meet;  // two faces whose interiors do, the last that were compared
+  std::vector<std::int32_t> meet;  // two faces whose interiors intersect, the last ones compared
   const auto is_below = [&](std::int32_t a, std::int32_t b) {
     if (a == b) return false;
     const int order = VerticalOrder(triangles[a].data(), triangles[b].data());
@@ -293,7 +293,7 @@ Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const st
     if (events[i] % 2 == 0) {
       const auto [at, is_new] = line.insert(f);
       place[f] = at;
-      // An order that contradicts itself: numbers of too many magnitudes for Orientation().
+      // The order contradicts itself: the magnitudes differ too much for Orientation().
       if (!is_new && meet.empty()) meet = {std::min(f, *at), std::max(f, *at)};
     } else if (const auto next = line.erase(place[f]); next != line.begin() && next != line.end()) {
       is_below(*std::prev(next), *next);
@@ -317,8 +317,9 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
                        const std::vector<char>& ignored, std::int64_t max_pairs) {
-  // As many tests as triangles of ordinary shapes take. For others, as in a fan of needles, a sweep first says whether
-  // there is an overlap at all. Only then are pairs counted, with tests for 2,000 triangles of any shape, all with all.
+  // Enough tests for triangles of ordinary shapes. For others, as in a fan of needles, a sweep first finds out whether
+  // there is an overlap at all. Only then are pairs counted, with enough tests for 2,000 triangles of any shape, all
+  // against all.
   constexpr std::int64_t kTests = 2'000'000, kTestsPerFace = 64;
   const std::int64_t tests = kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
   if (OutlinesProveNoOverlap(opposite, uv, orientation, tests, execution, ignored)) return {};

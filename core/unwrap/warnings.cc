@@ -38,7 +38,7 @@ std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) 
   return {{"charts", absl::StrJoin(first, ",")}, {"chart_count", absl::StrCat(found.size())}};
 }
 
-// A warning about `count` faces, edges or pairs, if there are any.
+// Adds a warning about `count` faces, edges or pairs, unless it is 0.
 void WarnOf(std::int64_t count, const std::string& reason, const std::string& message,
             const std::vector<std::int32_t>& faces, std::vector<UnwrapWarning>* warnings) {
   if (count > 0) warnings->push_back({reason, message, {{"count", absl::StrCat(count)}}, faces});
@@ -56,7 +56,7 @@ void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
     if (ignored[f]) faces.push_back(f);
   }
-  // If three corners of a polygon lie on one line, one of its triangles may have no area although the polygon has some.
+  // If three corners of a polygon are collinear, one of its triangles may have no area although the polygon has.
   std::int64_t flat_polygons = 0, flat_triangles = std::ssize(faces);
   for (std::int32_t i = 0; i < polygons.count() && !faces.empty(); ++i) {
     std::int64_t flat = 0, all = 0;
@@ -180,7 +180,7 @@ void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std
   metadata["stretch"] = absl::StrFormat("%g", stretch[found.front()]);
   std::vector<std::int32_t> faces;
   for (const int i : found) faces.push_back(worst_face[i]);
-  // With kNone there is no other seam to keep.
+  // With kNone there are no other seams.
   const std::string remedy = policy == SeamPolicy::kNone
                                  ? "allow seams (--seams=auto)"
                                  : "allow more seams (--seams=auto and the same sources), or give one there yourself";

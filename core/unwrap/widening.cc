@@ -16,27 +16,27 @@ namespace {
 
 using Corners = std::array<Vec2, 3>;
 
-// Rounding moves a corner by 0.71 grains at most, and so changes an altitude by 1.42 at most.
+// Rounding moves a corner by at most 0.71 grains, and so changes an altitude by at most 1.42.
 constexpr double kLeastAltitude = 1.5;  // grains
-constexpr double kAltitude = 3;         // grains: what is aimed at, as the map does not keep angles exactly
-constexpr double kHeldAltitude = 12;    // grains: rounding changes it by an eighth at most
+constexpr double kAltitude = 3;         // grains: the target, as the map does not keep angles exactly
+constexpr double kHeldAltitude = 12;    // grains: rounding changes it by at most an eighth
 constexpr double kGrowth = 4;           // of an angle that did not suffice
-constexpr double kMostGrowth = 1e3;     // over what should suffice
-constexpr double kMostAngle = 0.5;      // radians; with that a triangle is as thick as raising its angles makes it
-constexpr double kLeastPlace = 1e-30;   // nearer to 0 no place is told apart by its exponent
-// Grains: of an enlarged chart, some thousandths of the side of the texture for float.
+constexpr double kMostGrowth = 1e3;     // over the angle that should suffice
+constexpr double kMostAngle = 0.5;      // radians; above it, raising the angles does not make a triangle thicker
+constexpr double kLeastPlace = 1e-30;   // nearer to 0, exponents no longer distinguish places
+// Grains: the limit for an enlarged chart, some thousandths of the texture's side for float.
 constexpr double kMostExtent = 1e5;
-// Radians. Of a thicker face that is turned over all the same the shape is not the reason.
+// Radians. If a thicker face is flipped, its shape is not the reason.
 constexpr double kThin = 1e-4;
 
-// What the corners of a face as delivered are rounded to multiples of.
+// The corners of a delivered face are rounded to multiples of this.
 double GrainOf(const Corners& p, Precision precision) {
   const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
   const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
   return std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
 }
 
-// The angles of a triangle with the least of them raised to `least`, at the cost of the largest.
+// Raises the least angles of a triangle to `least`, at the cost of the largest.
 void RaiseAngles(double least, Eigen::Ref<Eigen::Vector3d> angles) {
   int largest = 0;
   angles.maxCoeff(&largest);
@@ -44,23 +44,22 @@ void RaiseAngles(double least, Eigen::Ref<Eigen::Vector3d> angles) {
   angles[largest] = std::numbers::pi - angles[Next(largest)] - angles[Prev(largest)];
 }
 
-// A face that does not hold, or hardly, by its map.
+// A face that rounding destroys, or nearly, in its map.
 struct ThinFace {
   std::int32_t face = 0;
   double grain = 0, longest = 0, altitude = 0;
   bool must_widen = true;  // false: only if it is a needle on the surface too
-  bool is_small = true;    // on the surface too: it would hardly be held however it is drawn
+  bool is_small = true;    // too small on the surface too, so that no map could hold it well
 };
 
 struct ThinFaces {
   std::vector<ThinFace> faces;
-  Box box;  // round all corners of the chart
+  Box box;  // of all corners of the chart
 };
 
-// The faces that rounding may collapse or turn over, and those that are collapsed or turned over as they are. All must
-// be widened, or with `as_delivered`, where altitudes say no more, the latter only. in_plane(f) are the corners of face
-// f, grain_of(p) is what these are rounded to multiples of, and `scale` is length in the plane over length on the
-// surface.
+// The faces that rounding may collapse or flip, and those that already are. All must be widened; with `as_delivered`
+// only the latter, as altitudes say no more. in_plane(f) are the corners of face f, grain_of(p) is the rounding unit at
+// these, and `scale` is length in the plane over length on the surface.
 template <typename InPlane, typename GrainOf>
 ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
                    bool as_delivered, const InPlane& in_plane, const GrainOf& grain_of) {
@@ -72,7 +71,7 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
     const double grain = grain_of(p), longest = LongestEdge(p), altitude = DoubleArea(p) / longest;
     const bool is_turned = Orientation(p) <= 0;
     if (altitude >= kLeastAltitude * grain && !is_turned) continue;
-    // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
+    // If the map shrinks this face more than the surface explains, its shape is not the reason.
     const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
     const double as_drawn = scale * std::min(1.0, chart.enlargement), on_surface = LongestEdge(q);
     const bool is_small = as_drawn * DoubleArea(q) < kHeldAltitude * grain * on_surface;
@@ -83,7 +82,7 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
 }
 
 bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
-  // Needles beside a face that is widened would be squashed.
+  // Needles beside a widened face would be squashed.
   if (std::none_of(thin.faces.begin(), thin.faces.end(), [](const ThinFace& t) { return t.must_widen; })) return false;
   std::vector<std::int32_t> sources;
   for (const ThinFace& t : thin.faces) sources.push_back(chart->faces[t.face]);
@@ -96,7 +95,7 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
     const auto& [f, grain, longest, altitude, must_widen, is_small] = thin.faces[i];
     const double kept = std::max(least_angle[f], measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
     if (!must_widen && kept > kThin) continue;
-    // A face with two angles of so much has half of that angle times its longest edge for an altitude.
+    // The altitude of a face with two such angles is half of the angle times its longest edge.
     const double wanted = 2 * kAltitude * grain / longest;
     if (kept >= kMostAngle || (wanted <= kept && kept > kThin)) {
       factor = std::max(factor, altitude > 0 ? kAltitude * grain / altitude : kGrowth);
@@ -110,12 +109,12 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
   }
   if (any) chart->least_angle = std::move(least_angle);
   if (any) return true;
-  // A chart all of whose map is next to nothing is enlarged: a face of any shape is too small in it.
+  // If a chart's whole map is tiny, the chart is enlarged, since faces of any shape are too small in it.
   const double extent = factor * (thin.box.high - thin.box.low).maxCoeff();
   if (!(factor > 1) || !(extent <= kMostExtent * coarsest)) return false;
   chart->enlargement *= factor;
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
-    if (!thin.faces[i].is_small) continue;  // the map squashes it, and must not once it is enlarged
+    if (!thin.faces[i].is_small) continue;  // the map squashes it, but must not once the chart is enlarged
     double& least = least_angle[thin.faces[i].face];
     least = std::max(least, measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
   }

@@ -90,7 +90,7 @@ absl::StatusOr<StoredBlobPtr> BlobCatalog::Put(const std::string& tenant, std::s
       removed_.wait(lock, [&] { return !removing_.contains(id); });
       const auto present = entries_.find(id);
       const bool is_present = present != entries_.end();
-      // Where processes share the store, what was there may have gone since: it is put, or committed, once more.
+      // In a shared store a blob may have been removed since: it is put, or committed, again.
       is_new = !is_present || (is_shared() && present->second.kept == nullptr);
       if (is_new && !is_stored) {
         if (!is_present) PLANISH_RETURN_IF_ERROR(room_.Check(tenant, size));
@@ -104,7 +104,7 @@ absl::StatusOr<StoredBlobPtr> BlobCatalog::Put(const std::string& tenant, std::s
     }
     if (is_new) PLANISH_RETURN_IF_ERROR(Store(id, size, [&] { return places_.store->Put(id, bytes); }));
     absl::StatusOr<StoredBlobPtr> blob = Find(id);
-    // What was damaged is gone now, so that these bytes can take its place.
+    // A damaged blob is dropped now, so these bytes can replace it.
     if (!blob.ok() && IsLost(blob.status())) continue;
     return blob;
   }
@@ -145,7 +145,7 @@ absl::Status BlobCatalog::Store(const BlobId& id, std::int64_t size, const std::
     }
   }
   const absl::Status status = put();
-  StoredBlobPtr released;  // without the lock
+  StoredBlobPtr released;  // released without the lock
   const std::lock_guard lock(mutex_);
   room.GiveBack();
   auto entry = entries_.find(id);
@@ -155,7 +155,7 @@ absl::Status BlobCatalog::Store(const BlobId& id, std::int64_t size, const std::
     Add(id, size, Place::kStore);
     return absl::OkStatus();
   }
-  // What was pending or a row is in the store from now on; its row stays in the database until the blob is removed.
+  // A blob that was pending or a row is now in the store; its row stays in the database until the blob is removed.
   Entry& present = entry->second;
   room_.Count(id.tenant, size - present.bytes);
   present.bytes = size;
@@ -172,7 +172,7 @@ StoredBlobPtr BlobCatalog::Pending(const BlobId& id) const {
 }
 
 void BlobCatalog::Committed(const BlobId& id) {
-  StoredBlobPtr released;  // without the lock
+  StoredBlobPtr released;  // released without the lock
   const std::lock_guard lock(mutex_);
   const auto entry = entries_.find(id);
   if (entry == entries_.end() || entry->second.place != Place::kPending) return;
@@ -206,7 +206,7 @@ absl::StatusOr<StoredBlobPtr> BlobCatalog::Find(const BlobId& id) {
   Entry& entry = found->second;
   --entry.opening;
   entry.verified = true;
-  if (StoredBlobPtr open = entry.open.lock()) return open;  // somebody else opened it meanwhile
+  if (StoredBlobPtr open = entry.open.lock()) return open;  // another thread opened it meanwhile
   entry.open = *blob;
   return blob;
 }
@@ -266,7 +266,7 @@ absl::StatusOr<BlobPtr> BlobCatalog::Load(const BlobId& id) {
     if (open == nullptr) open = found->second.open.lock();
     if (open == nullptr) found->second.open = open = StoredBlob::InMemory(*memory);
   }
-  // Whoever holds the copy holds the blob.
+  // A reference to the copy also holds the blob.
   const auto both = std::make_shared<std::pair<StoredBlobPtr, BlobPtr>>(std::move(open), *std::move(memory));
   return BlobPtr(both, both->second.get());
 }
@@ -327,7 +327,7 @@ bool BlobCatalog::IsHeld(const Entry& entry) {
 }
 
 bool BlobCatalog::Remove(const BlobId& id) {
-  Entry removed;  // its bytes are given back without the lock
+  Entry removed;  // its bytes are freed without the lock
   {
     const std::lock_guard lock(mutex_);
     const auto entry = entries_.find(id);
@@ -338,7 +338,7 @@ bool BlobCatalog::Remove(const BlobId& id) {
     entries_.erase(entry);
     removing_.insert(id);
   }
-  // What cannot be removed now is found by the next Open() and collected then.
+  // A blob that cannot be removed now is found by the next Open() and collected then.
   bool is_kept = false;
   Place kept_in = Place::kStore;
   if (removed.place == Place::kStore) {

@@ -1,4 +1,4 @@
-// Small blobs as rows of the database that has the records.
+// Small blobs as rows of the database that holds the records.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@
 
 namespace planish {
 
-// A small blob that the verbs of JobStore commit with a record, which saves the syncs of a file and its folder.
+// A small blob that JobStore's verbs commit with a record, which saves the syncs of a file and its folder.
 struct BlobRow {
   BlobId id;
   StoredBlobPtr bytes;  // in memory
 };
 
-// The rows that were committed. Thread-safe.
+// The committed rows. Thread-safe.
 class BlobRows {
  public:
   // Blobs up to this size become rows.

@@ -27,13 +27,13 @@ namespace fs = std::filesystem;
 
 constexpr char kTemporary[] = "new-";
 constexpr char kLockFile[] = "lock";
-// The folder of a tenant's blobs; those of the default tenant, who was alone once, are beside.
+// The folder of a tenant's blobs. Those of the default tenant, once the only one, are beside these folders.
 constexpr char kTenantFolder[] = "tenant-";
 
-// A temporary file of a shared directory is left over when nobody has written to it for so long.
+// A temporary file of a shared directory is garbage after this time without a write.
 constexpr absl::Duration kLeftOver = absl::Hours(24);
 
-// Of a blob's path below the store.
+// From a blob's path within the store.
 std::string TenantOf(const fs::path& path) {
   const std::string top = path.begin()->string();
   return top.starts_with(kTenantFolder) ? top.substr(sizeof(kTenantFolder) - 1) : kDefaultTenant;
@@ -47,7 +47,7 @@ absl::Time ModifiedAt(const struct stat& file) {
   return absl::TimeFromTimespec(file.st_mtim);
 }
 
-// None if there is no such file.
+// Empty if there is no such file.
 absl::StatusOr<std::optional<struct stat>> StatOf(const std::string& path) {
   struct stat file = {};
   if (stat(path.c_str(), &file) == 0) return file;
@@ -88,7 +88,7 @@ class DirectoryBlobStore::ShardLock {
  private:
   explicit ShardLock(std::unique_lock<std::mutex> mutex) : mutex_(std::move(mutex)) {}
 
-  // 0 or an errno. The lock belongs to the open file, so two stores of one process exclude each other too.
+  // Returns 0 or an errno. The lock belongs to the open file, so two stores of one process exclude each other too.
   static int Lock(int fd, int shard, short type) {
     struct flock range = {};
     range.l_type = type;
@@ -127,7 +127,7 @@ absl::Status DirectoryBlobStore::SetUp() {
   std::vector<std::string> folders = {directory};
   std::vector<std::string> left_over;
   for (fs::recursive_directory_iterator entry(directory, error), end; !error && entry != end; entry.increment(error)) {
-    std::error_code gone;  // another process may remove what it wrote
+    std::error_code gone;  // another process may remove its own files
     if (entry->is_directory(gone)) folders.push_back(entry->path());
     if (!entry->path().filename().string().starts_with(kTemporary)) continue;
     PLANISH_ASSIGN_OR_RETURN(const auto file, StatOf(entry->path()));
@@ -180,7 +180,7 @@ absl::Status DirectoryBlobStore::WriteFile(const std::string& path, std::string_
     error = files->Sync(file.get());
   }
   if (error == 0) return absl::OkStatus();
-  files->Remove(path);  // a file that cannot be written whole does not stay
+  files->Remove(path);  // an incomplete file is removed
   return FileError(what, path, -error);
 }
 
@@ -209,7 +209,7 @@ absl::StatusOr<std::string> DirectoryBlobStore::Install(const BlobId& id, const 
     PLANISH_RETURN_IF_ERROR(MakeDurableFolder(files, folder.substr(0, folder.rfind('/'))));
   }
   PLANISH_RETURN_IF_ERROR(MakeDurableFolder(files, folder));
-  Descriptor opened;  // first of all, so that no want of descriptors comes in between
+  Descriptor opened;  // opened first, so that a lack of descriptors cannot interrupt the steps below
   if (const int error = files->Open(folder, O_RDONLY | O_DIRECTORY, &opened); error != 0) {
     return FileError("open", folder, -error);
   }
@@ -257,7 +257,7 @@ absl::StatusOr<bool> DirectoryBlobStore::Renew(const BlobId& id) {
   } else if (error != 0) {
     return FileError("touch", PathOf(id), -error);
   }
-  // Whoever put it may have ended before its folder was synced. If that was an earlier process, SetUp() has done it.
+  // The process that put it may have ended before it synced the folder. SetUp() has done that for earlier processes.
   if (options_.shared) PLANISH_RETURN_IF_ERROR(SyncFolder(options_.files, FolderOf(id)));
   return true;
 }
@@ -298,7 +298,7 @@ absl::Status DirectoryBlobStore::Drop(const BlobId& id, const std::string& versi
   const std::string path = PathOf(id);
   PLANISH_ASSIGN_OR_RETURN(const ShardLock lock, ShardLock::Take(this, id));
   PLANISH_ASSIGN_OR_RETURN(const auto file, StatOf(path));
-  // Somebody else dropped it already, and may have put good bytes there.
+  // Another process dropped it already, and may have put good bytes there.
   if (!file.has_value() || VersionOf(*file) != version) return absl::OkStatus();
   const int error = options_.files->Remove(path);
   return error == 0 || error == -ENOENT ? absl::OkStatus() : FileError("remove", path, -error);

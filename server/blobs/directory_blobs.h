@@ -18,20 +18,20 @@ namespace planish {
 
 struct DirectoryBlobsOptions {
   std::string directory;  // exists
-  // Whether several processes use the directory, on one machine or on many (NFS). Otherwise it belongs to this one
-  // alone, and whatever is half-written is removed at once.
+  // Whether several processes use the directory, on one machine or on many (NFS). Otherwise only this process does, and
+  // incomplete files are removed at once.
   bool shared = false;
   FileLayer* files = FileLayer::System();  // not null, outlives the store
 };
 
-// A blob is the file of its digest in a folder of the digest's first byte; each tenant but the default one has a folder
-// of its own for these. A file is written under another name, synced, renamed, and its folder synced. Renaming, syncing
-// the folder and removing are done under a lock for the folders of the same first byte. Where the directory is shared,
-// that is a lock on one byte of the file `lock` beside the folders, which NFS and the kernel enforce between machines
-// and processes, and which ends with the process that has it.
+// A blob is a file named by its digest, in a folder named by the digest's first byte; each tenant except the default
+// one has a folder of its own for these. A file is written under another name, synced, renamed, and its folder synced.
+// Renaming, syncing the folder and removing happen under a lock for all folders with the same first byte. In a shared
+// directory that is a lock on one byte of the file `lock` beside the folders, which the kernel and NFS enforce between
+// processes and machines, and which is released when its process ends.
 class DirectoryBlobStore : public BlobStore {
  public:
-  // Finds what earlier processes left and makes it durable: they may have ended before they synced a folder.
+  // Finds the blobs of earlier processes and makes them durable: these may have ended before they synced a folder.
   static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Make(DirectoryBlobsOptions options);
 
   absl::StatusOr<bool> Renew(const BlobId& id) override;
@@ -49,7 +49,7 @@ class DirectoryBlobStore : public BlobStore {
  private:
   static constexpr int kShards = 256;
 
-  // Nobody else has the shard of a blob as long as this lives.
+  // Locks the shard of a blob while it lives.
   class ShardLock;
 
   explicit DirectoryBlobStore(DirectoryBlobsOptions options) : options_(std::move(options)) {}
@@ -57,14 +57,14 @@ class DirectoryBlobStore : public BlobStore {
   absl::Status SetUp();
   std::string FolderOf(const BlobId& id) const;
   std::string PathOf(const BlobId& id) const;
-  // By the clock of the file system if the directory is shared, which machines agree on.
+  // By the clock of the file system if the directory is shared, as all machines see the same one.
   absl::StatusOr<absl::Time> Now() const;
   absl::Status WriteFile(const std::string& path, std::string_view bytes);
-  // The file `path`, which was synced, becomes the blob. After an error it is where it was.
+  // The file `path`, already synced, becomes the blob. After an error it is unchanged.
   absl::StatusOr<std::string> Install(const BlobId& id, const std::string& path);
 
   const DirectoryBlobsOptions options_;
-  Descriptor lock_file_;                     // constant after SetUp(); none unless shared
+  Descriptor lock_file_;                    // constant after SetUp(); none unless shared
   std::array<std::mutex, kShards> shards_;  // each between the threads of this process
 };
 

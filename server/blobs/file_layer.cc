@@ -15,7 +15,7 @@
 namespace planish {
 namespace {
 
-// Makes `call` until no signal interrupts it; its result or a negated errno.
+// Repeats `call` while signals interrupt it; returns its result or a negated errno.
 template <class Call>
 ssize_t Uninterrupted(Call call) {
   for (;;) {
@@ -106,7 +106,7 @@ absl::Status MakeDurableFolder(FileLayer* files, const std::string& folder) {
   if (const int error = files->MakeFolder(folder, &made); error != 0) return FileError("make", folder, -error);
   if (!made) return absl::OkStatus();
   absl::Status synced = SyncFolder(files, folder.substr(0, folder.rfind('/')));
-  if (!synced.ok()) rmdir(folder.c_str());  // so that the next one who wants it syncs its name
+  if (!synced.ok()) rmdir(folder.c_str());  // so that the next caller creates it again and syncs its name
   return synced;
 }
 

@@ -8,8 +8,8 @@
 
 namespace planish {
 
-// SHA-256 of bytes that come piece by piece. A copy goes on by itself. Throws std::bad_alloc if the crypto library has
-// no memory.
+// SHA-256 of bytes that arrive in pieces. A copy continues independently. Throws std::bad_alloc if the crypto library
+// has no memory.
 class RunningSha256 {
  public:
   RunningSha256();
@@ -18,7 +18,7 @@ class RunningSha256 {
 
   void Update(std::string_view bytes);
 
-  // The 32 bytes for all that came so far.
+  // The 32 bytes of the digest so far.
   std::string Digest() const;
 
  private:

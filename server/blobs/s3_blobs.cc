@@ -46,7 +46,7 @@ class ObjectBlob : public StoredBlob {
 
 absl::StatusOr<std::unique_ptr<S3BlobStore>> S3BlobStore::Make(S3BlobsOptions options) {
   std::unique_ptr<S3BlobStore> store(new S3BlobStore(std::move(options)));
-  // A question of which the answer is known: whether there is such a bucket, and these credentials may use it.
+  // A query with a known answer, which checks the bucket and the credentials.
   PLANISH_RETURN_IF_ERROR(store->Has({"none", Sha256("")}).status());
   return store;
 }
@@ -85,15 +85,15 @@ absl::StatusOr<bool> S3BlobStore::Renew(const BlobId& id) {
   const std::string& source = copies.front().key;
   const absl::Status copied = client_->Copy(source, KeysOf(id) + name);
   if (!copied.ok()) {
-    // What was removed meanwhile cannot be copied. Some servers do not say that it is not there, but answer with 500.
+    // An object that was removed meanwhile cannot be copied. Some servers answer with 500 instead of NOT_FOUND.
     PLANISH_ASSIGN_OR_RETURN(const std::vector<S3Object> left, CopiesOf(id));
     const bool is_gone =
         std::none_of(left.begin(), left.end(), [&](const S3Object& copy) { return copy.key == source; });
     return is_gone ? absl::StatusOr<bool>(false) : copied;
   }
-  // Copies that nobody reads any more would pile up while the blob is in use.
+  // Old copies would accumulate while the blob is in use.
   for (const S3Object& copy : copies) {
-    if (copy.age >= kReferenceTime) client_->Delete(copy.key).IgnoreError();  // or else the next time
+    if (copy.age >= kReferenceTime) client_->Delete(copy.key).IgnoreError();  // on failure, the next renewal deletes it
   }
   return true;
 }
@@ -105,7 +105,7 @@ absl::Status S3BlobStore::List(const std::function<void(const BlobEntry&)>& visi
   };
   PLANISH_RETURN_IF_ERROR(client_->List("", [&](const S3Object& copy) {
     const std::vector<std::string> parts = absl::StrSplit(copy.key, '/');
-    if (parts.size() != 3 || parts[1].size() != 2 * kSha256Bytes) return;  // not ours
+    if (parts.size() != 3 || parts[1].size() != 2 * kSha256Bytes) return;  // not a blob of ours
     const BlobId id = {parts[0], absl::HexStringToBytes(parts[1])};
     if (id == entry.id) {
       entry.age = std::min(entry.age, copy.age);
@@ -120,7 +120,7 @@ absl::Status S3BlobStore::List(const std::function<void(const BlobEntry&)>& visi
 
 absl::StatusOr<bool> S3BlobStore::Remove(const BlobId& id, absl::Duration min_age) {
   PLANISH_ASSIGN_OR_RETURN(const std::vector<S3Object> copies, CopiesOf(id));
-  // All or none: an old copy may be what a reader has open as long as a young one says that the blob is wanted.
+  // All copies or none: while a young copy keeps the blob, a reader may have an old one open.
   if (!copies.empty() && copies.front().age < min_age) return false;
   for (const S3Object& copy : copies) PLANISH_RETURN_IF_ERROR(client_->Delete(copy.key));
   return true;

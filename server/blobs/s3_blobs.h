@@ -1,4 +1,4 @@
-// Blobs as objects of a bucket: of AWS, or of any server that speaks S3.
+// Blobs as objects of a bucket, on AWS or any server with the S3 protocol.
 #pragma once
 
 #include <functional>
@@ -17,17 +17,17 @@ namespace planish {
 
 struct S3BlobsOptions {
   S3Options s3;
-  // A blob of this age is copied when it is put or renewed again; a younger one stays as it is.
+  // When it is put or renewed, a blob of at least this age is copied; a younger one is not.
   absl::Duration renew_age = BlobStore::kReferenceTime / 4;
 };
 
-// A blob is the object TENANT/SHA256/COPY, where COPY is a random number that is never used again. Whoever renews a
-// blob makes another copy and whoever deletes it removes the old copies that it has seen, so neither needs a lock: a
-// new copy is never removed for an old one's age. Two that put the same blob at the same time leave two copies, which
-// count as one blob.
+// A blob is the object TENANT/SHA256/COPY, where COPY is a random number that is never used again. Renewing a blob
+// makes another copy, and deleting it removes the old copies that were found, so neither needs a lock: a new copy is
+// never removed because of an old one's age. Two concurrent puts of the same blob leave two copies, which count as one
+// blob.
 class S3BlobStore : public BlobStore {
  public:
-  // Asks the server once. Errors of S3Client.
+  // Sends the server one request. Errors of S3Client.
   static absl::StatusOr<std::unique_ptr<S3BlobStore>> Make(S3BlobsOptions options);
 
   absl::StatusOr<bool> Renew(const BlobId& id) override;
@@ -49,7 +49,7 @@ class S3BlobStore : public BlobStore {
   absl::StatusOr<std::vector<S3Object>> CopiesOf(const BlobId& id);
 
   const S3BlobsOptions options_;
-  const std::shared_ptr<S3Client> client_;  // blobs that are open have it too
+  const std::shared_ptr<S3Client> client_;  // open blobs share it
 };
 
 }  // namespace planish

@@ -22,7 +22,7 @@
 namespace planish {
 namespace {
 
-// Of an answer that is no object.
+// Limit for responses other than objects.
 constexpr std::size_t kMostAnswerBytes = std::size_t{16} << 20;
 constexpr std::size_t kMostIdle = 16;
 constexpr std::int64_t kBytesPerSecond = std::int64_t{1} << 20;
@@ -33,7 +33,7 @@ absl::Status S3Unavailable(const std::string& why) {
 
 // ---- XML
 
-// The text of each element of a document that has no elements within, in order: by path, as "Error/Code".
+// Finds the text of each element without children, in order, with its path, such as "Error/Code".
 class XmlTexts {
  public:
   using Visit = std::function<void(const std::string& path, const std::string& text)>;
@@ -77,7 +77,7 @@ class XmlTexts {
   std::vector<std::size_t> lengths_;  // of path_ outside of each open element
 };
 
-// What an S3 server says of an error: "CODE: MESSAGE".
+// The error of an S3 response: "CODE: MESSAGE".
 struct S3Error {
   std::string code, message;
 };
@@ -172,7 +172,7 @@ std::size_t ReceiveHeader(char* bytes, std::size_t size, std::size_t count, void
   return size * count;
 }
 
-// Nothing that another attempt would change.
+// Whether retrying is pointless.
 bool IsFinal(CURLcode code) {
   return code == CURLE_PEER_FAILED_VERIFICATION || code == CURLE_SSL_CACERT_BADFILE || code == CURLE_URL_MALFORMAT ||
          code == CURLE_UNSUPPORTED_PROTOCOL || code == CURLE_NOT_BUILT_IN || code == CURLE_BAD_FUNCTION_ARGUMENT;
@@ -197,8 +197,8 @@ struct S3Client::Request {
   std::string copy_source;  // empty: none
   std::string_view body;
   std::string body_sha256 = Sha256("");
-  std::int64_t object_bytes = -1;  // that the answer must have; -1: it is no object
-  std::int64_t bytes_to_move = 0;  // for the time it may take
+  std::int64_t object_bytes = -1;  // expected size of the response; -1 if it is not an object
+  std::int64_t bytes_to_move = 0;  // determines the time limit
 };
 
 struct S3Client::Response {
@@ -328,17 +328,17 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
     if (response.status == 206 && static_cast<std::int64_t>(response.body.size()) == request.object_bytes) {
       return response;
     }
-    *retry = true;  // cut off before it said how long it would be
+    *retry = true;  // cut off before its length was known
     return S3Unavailable(absl::StrCat("GET of ", request.object_bytes, " bytes was answered with ", response.status,
                                       " and ", response.body.size(), " bytes"));
   }
-  // A copy may fail after its answer began.
+  // A copy may fail after the response began.
   const std::optional<S3Error> error = response.body.empty() ? std::nullopt : ErrorOf(response.body);
   if (is_good && !error.has_value()) return response;
   const std::string said = error.has_value() ? absl::StrCat(error->code, ": ", error->message) : "";
   const std::string what = absl::StrCat(request.method, " was answered with ", response.status, " ", said);
   const std::string reason = error.has_value() ? error->code : "";
-  // What an operator has to put right. What waits for the store waits until then.
+  // Errors that an operator must fix. They count as unavailable, so that callers wait until then.
   if (reason == "NoSuchBucket") return S3Unavailable(absl::StrCat(what, " (--blobs)"));
   if (response.status == 401 || response.status == 403) {
     return S3Unavailable(absl::StrCat(what, " (--s3-credentials, or the rights that go with them)"));
@@ -408,7 +408,7 @@ absl::Status S3Client::List(const std::string& prefix, const std::function<void(
   std::string after;
   for (bool is_more = true; is_more;) {
     Request request;
-    // The first version of this call, which every server has. Sorted, as the signature wants the parameters.
+    // The first version of this request, which every server supports. Parameters are sorted, as the signature requires.
     request.url = absl::StrCat(options_.endpoint, "/", options_.bucket, "?",
                                after.empty() ? "" : "marker=" + Escaped(after) + "&", "max-keys=", options_.list_page,
                                "&prefix=", Escaped(before + prefix));

@@ -1,4 +1,4 @@
-// A blob of the store that is open for reading.
+// An open blob of a store.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@ namespace planish {
 class StoredBlob;
 using StoredBlobPtr = std::shared_ptr<const StoredBlob>;
 
-// Bytes that are read where they are, piece by piece. Files are never mapped: a read of a file that somebody cuts short
-// is an error, and an access to its mapping a signal that ends the process. Thread-safe.
+// Bytes that are read piece by piece from where they are stored. Files are never mapped: if a file is truncated, a read
+// returns an error, but an access to its mapping kills the process. Thread-safe.
 class StoredBlob {
  public:
   static StoredBlobPtr InMemory(BlobPtr bytes);
@@ -30,11 +30,11 @@ class StoredBlob {
 
   std::int64_t size() const { return size_; }
 
-  // Replaces *bytes by those from `offset` on, `length` of them, all of which must be there. DATA_LOSS with
-  // BLOB_DAMAGED if there are fewer by now or they cannot be read; otherwise errors of BlobStore (blob_store.h).
+  // Replaces *bytes by `length` bytes from `offset` on, all of which must exist. DATA_LOSS with BLOB_DAMAGED if there
+  // are fewer or they cannot be read; otherwise errors of BlobStore (blob_store.h).
   absl::Status Read(std::int64_t offset, std::int64_t length, std::string* bytes) const;
 
-  // All of them. Errors of Read().
+  // Reads all bytes. Errors of Read().
   absl::StatusOr<std::string> ReadAll() const;
 
   // The bytes if they are in memory, otherwise null.

@@ -1,4 +1,4 @@
-// How much of the store each tenant uses, and how much it may.
+// How much of the store each tenant uses and may use.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace planish {
 
-// Sizes in bytes. Not thread-safe, but for max_bytes().
+// Sizes in bytes. Not thread-safe, except for max_bytes().
 class TenantRoom {
  public:
-  // The limits are `max_bytes` for all tenants together, and TenantLimits::store_bytes for each (null: no such limit).
+  // `max_bytes` limits all tenants together, TenantLimits::store_bytes each one (null: no such limit).
   TenantRoom(std::int64_t max_bytes, TenantLimitsSource limits) : max_bytes_(max_bytes), limits_(std::move(limits)) {}
 
   std::int64_t max_bytes() const { return max_bytes_; }
@@ -24,12 +24,12 @@ class TenantRoom {
   // `bytes` may be negative.
   void Count(const std::string& tenant, std::int64_t bytes);
 
-  // Whether the tenant may have so many more: RESOURCE_EXHAUSTED with STORAGE_FULL. The message tells nothing about
+  // Whether the tenant may have `more` bytes: RESOURCE_EXHAUSTED with STORAGE_FULL. The message reveals nothing about
   // other tenants.
   absl::Status Check(const std::string& tenant, std::int64_t more) const;
 
-  // The tenant whose bytes must go before `tenant` can have `more`. That is `tenant` itself, unless the store is full
-  // and `tenant` would stay within an equal part of it; then it is the tenant with most bytes.
+  // The tenant whose bytes must be removed so that `tenant` can have `more`: `tenant` itself, unless the store is full
+  // and `tenant` would stay within an equal part of it; then it is the tenant with the most bytes.
   std::string WhoGivesWay(const std::string& tenant, std::int64_t more) const;
 
  private:

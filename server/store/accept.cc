@@ -29,7 +29,7 @@ struct AcceptCall {
 
 namespace {
 
-// Whether a job that comes may still join this work, all of whose jobs are given.
+// Whether a new job may still join this work. `jobs` has all of its jobs.
 bool MayJoin(const std::vector<JobRow>& jobs) {
   return std::any_of(jobs.begin(), jobs.end(), [](const JobRow& row) {
     const bool stops = row.standing.leased && row.standing.stop_requested;
@@ -48,7 +48,7 @@ absl::StatusOr<std::optional<JobRecord>> Result(JobTransaction* transaction, con
   return std::move(source->record);
 }
 
-// Whether the job had room if twice as much were waiting as these accounts say.
+// Whether the job would have room even with twice the waiting work of these accounts.
 bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
   if (!job.limits.has_value()) return true;
   for (auto& [tenant, account] : accounts.tenants) {
@@ -59,9 +59,9 @@ bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
   return RoomFor(accounts, *job.limits, asked.tenant(), asked.mesh_bytes()) == Room::kYes;
 }
 
-// The accounts that decide whether jobs have room and where their tenants begin. They are read with what is asked next;
-// of a long queue with ample room, the tenants' own alone, and not even those of tenants that have many waiting: where
-// it begins matters to one that has none.
+// Reads the accounts that decide whether jobs have room and where their tenants begin, together with the next query.
+// While a long queue has ample room, reads only the accounts of the jobs' own tenants. Of those, tenants with many
+// waiting jobs are skipped too: the beginning matters only to a tenant with no waiting work.
 class AccountsToRead {
  public:
   AccountsToRead(JobTransaction* transaction, RecentAccounts* recent) : sql_(transaction->sql()), recent_(*recent) {}
@@ -79,7 +79,7 @@ class AccountsToRead {
     return absl::OkStatus();
   }
 
-  // After the answers have come.
+  // Call after the queries have been answered.
   FairAccounts Take() {
     if (!known_.has_value()) {
       known_ = AccountsOf(all_);
@@ -90,7 +90,7 @@ class AccountsToRead {
   }
 
  private:
-  static constexpr std::int64_t kManyWaiting = 200;  // more than are claimed while accounts are recent
+  static constexpr std::int64_t kManyWaiting = 200;  // more than are claimed before recent accounts expire
 
   SqlConnection& sql_;
   RecentAccounts& recent_;
@@ -99,8 +99,8 @@ class AccountsToRead {
   std::map<std::string, SqlRows> own_;  // by tenant
 };
 
-// What is asked of each call, with one journey to the database: a number; the name of a job that has its name or its
-// request id; and the newest work with its key. "": none.
+// The results of one query for all calls, in one round trip: a job number, the name of a job with the same name or
+// request id, and the newest work with the same key. "" if there is none.
 struct Found {
   AcceptCall* call;
   std::int64_t number = 0;
@@ -135,7 +135,7 @@ absl::StatusOr<std::vector<Found>> Ask(JobTransaction* transaction, const std::v
       transaction->SetNow(rows.Int(i, 3));
     }
   }
-  // Work is locked in one order everywhere, so that no two transactions wait for each other.
+  // All transactions lock work in the same order, which prevents deadlocks.
   std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
     return std::tie(a.work, a.call->job.result_of) < std::tie(b.work, b.call->job.result_of);
   });
@@ -182,7 +182,7 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
     const WorkRow& work = others->row;
     change.record.set_work(work.name);
     change.record.mutable_job()->set_result_of(work.name);
-    // As its first event says, too.
+    // Its first event must say so, too.
     change.events.front().mutable_job()->set_result_of(work.name);
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
@@ -198,7 +198,7 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
     const double share = job.limits.has_value() ? job.limits->share : 1;
     PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
     transaction->AddWork(row, job.run_time);
-    // As it is for the calls that come next.
+    // Later calls of this transaction must see this job.
     TenantAccount& account = accounts->tenants[asked.tenant()];
     account.waiting += 1;
     account.waiting_bytes += asked.mesh_bytes();
@@ -212,7 +212,7 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
   return transaction->WriteEvents(&change);
 }
 
-// Takes the first calls that have no key in common: each of them finds what was accepted in the rounds before.
+// Takes the first calls that share no key. Calls of a later round find the jobs accepted in earlier ones.
 std::vector<AcceptCall*> TakeRound(std::vector<AcceptCall*>* left) {
   std::vector<AcceptCall*> round, later;
   std::set<std::string_view> taken;
@@ -245,8 +245,8 @@ absl::Status AcceptRound(JobTransaction* transaction, const std::vector<Found>& 
   return absl::OkStatus();
 }
 
-// Of a job, what Accept() says of none other at the same time: its name, its request id, and its work unless it is
-// fresh.
+// Keys for which Accept() serializes: calls with the same name, request id or work (unless the job is fresh) must not
+// run at the same time.
 std::vector<std::string> KeysOf(const NewJob& job) {
   const v1::Job& asked = job.record.job();
   std::vector<std::string> keys = {asked.name()};
@@ -255,9 +255,9 @@ std::vector<std::string> KeysOf(const NewJob& job) {
   return keys;
 }
 
-// Of several calls, in their order as far as they have a key in common.
+// Accepts several calls; those that share a key in their order.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent) {
-  // Of two that come at the same time the second one finds the first.
+  // Of two concurrent calls the second one finds the job of the first.
   std::vector<std::string> keys;
   for (AcceptCall* const call : calls) {
     call->accepted = {};

@@ -12,9 +12,8 @@
 
 namespace planish {
 
-// A call that arrives while others run waits, and one waiting thread does the calls of all that wait. So the cost of a
-// call falls as more come at the same time. Thread-safe. A Call has `keys`; calls that share a key are in different
-// groups.
+// A call that arrives while others run waits, and one waiting thread runs the calls of all that wait. So the cost of a
+// call falls as the load rises. Thread-safe. A Call has `keys`; calls that share a key are in different groups.
 template <class Call>
 class CallGroups {
  public:
@@ -23,7 +22,7 @@ class CallGroups {
   // Limits on the groups that run at the same time, and on the calls of each.
   CallGroups(int most_groups, std::size_t most_calls) : most_groups_(most_groups), most_calls_(most_calls) {}
 
-  // Returns when a group with `call` is done, by this thread's `body` or another's.
+  // Returns once a group with `call` has run, in this thread's `body` or another's.
   void Run(Call* call, const Body& body) {
     Waiting own = {call};
     std::unique_lock lock(mutex_);
@@ -46,7 +45,7 @@ class CallGroups {
     WakeNext();
   }
 
-  // The number of calls that are in no group yet.
+  // The number of calls that are not in a group yet.
   std::size_t waiting() {
     const std::lock_guard lock(mutex_);
     return waiting_.size();
@@ -87,7 +86,7 @@ class CallGroups {
   std::mutex mutex_;
   // Guarded by mutex_.
   std::deque<Waiting*> waiting_;
-  int groups_ = 0;  // that run
+  int groups_ = 0;  // running groups
 };
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// JobStore's verbs of callers, but for Accept().
+// JobStore's verbs for callers, except Accept().
 #include <algorithm>
 #include <string>
 #include <vector>

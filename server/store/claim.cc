@@ -1,4 +1,4 @@
-// JobStore::Claim: whose turn it is (fair_share.h), and what fits.
+// JobStore::Claim: the order of work (fair_share.h) and what fits.
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -32,7 +32,7 @@ class Claimer {
 
   absl::Status Run() {
     if (request_.work.empty()) {
-      // Another lane each time: those who share one would queue there while others are empty.
+      // Another lane each time: claims that shared one would queue there while other lanes are empty.
       static std::atomic<std::uint64_t> claims = 0;
       PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
     }
@@ -65,14 +65,14 @@ class Claimer {
 
   bool IsLong(const WorkRow& work) const { return work.run_time > longest_short_; }
 
-  // The owner has as much long work as it may. What was fetched stays locked to the end of the transaction.
+  // The owner has its maximum of long work. Fetched rows stay locked until the end of the transaction.
   void PassLongBy() {
     for (auto& [tenant, fetched] : fetched_) {
       std::erase_if(fetched.heads, [this](const LockedWork& head) { return IsLong(head.row); });
     }
   }
 
-  // What the owner and the tenants have already.
+  // Reads the running work of the owner and the accounts of all tenants.
   absl::Status ReadUsageAndAccounts() {
     if (request_.long_from < absl::InfiniteDuration()) {
       longest_short_ = absl::ToInt64Nanoseconds(request_.long_from / std::max(request_.seconds_factor, 1e-9));
@@ -85,7 +85,7 @@ class Claimer {
         {longest_short_, std::string_view(request_.owner)}, &usage));
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
     transaction_.SetNow(usage.Int(0, 3));
-    // All that was before is the wait for the turn.
+    // The transaction has done nothing but wait for its slot.
     wait_.queued = absl::Nanoseconds(usage.Int(0, 4));
     running_ = usage.Int(0, 0);
     runs_alone_ = usage.Int(0, 1) != 0;
@@ -99,7 +99,7 @@ class Claimer {
     return !work.alone && (request_.memory_bytes <= 0 || memory_ + work.memory_bytes <= request_.memory_bytes);
   }
 
-  // Empty: none waits that this owner may have. Between tenants that are equal, the oldest goes first.
+  // Empty if no waiting work is for this owner. Between equal tenants, the oldest work goes first.
   absl::StatusOr<std::optional<LockedWork>> Next() {
     while (true) {
       const std::vector<std::string> order = TenantsInOrder();
@@ -110,7 +110,7 @@ class Claimer {
         if (TurnOf(tenant) > TurnOf(order.front())) break;
         std::deque<LockedWork>& heads = fetched_[tenant].heads;
         if (heads.empty()) {
-          passed_by_.insert(tenant);  // others are about to take what it has
+          passed_by_.insert(tenant);  // concurrent claims have locked all of its work
         } else if (first.empty() || IsOlder(heads.front().row, fetched_[first].heads.front().row)) {
           first = tenant;
         }
@@ -136,7 +136,7 @@ class Claimer {
     return StartOf(accounts_.tenants[tenant], ShareOf(LimitsOf(tenant)), Now());
   }
 
-  // Those whose work may be next, by their turns.
+  // Tenants whose work may be next, in the order of fair queueing.
   std::vector<std::string> TenantsInOrder() {
     std::vector<std::pair<std::int64_t, std::string>> order;
     for (const auto& [tenant, account] : accounts_.tenants) {
@@ -151,8 +151,8 @@ class Claimer {
     return tenants;
   }
 
-  // Locks what is next of the first tenants, and reads its jobs, with one journey to the database: of all that are as
-  // good as the first one, and of as many more as there is work to claim, each with its part of that.
+  // Locks the next work of the first tenants and reads its jobs, in one round trip: of all tenants that are equal to
+  // the first one, and of enough others for the work to claim, an equal part of each.
   absl::Status Fetch(const std::vector<std::string>& order) {
     const std::int64_t first_turn = TurnOf(order.front());
     const auto lacks = [this](const std::string& tenant) {
@@ -172,11 +172,11 @@ class Claimer {
         "number "
         "LIMIT ? {skip}) AS heads {with_jobs}"));
     const std::int64_t longest = long_ < request_.most_long ? std::numeric_limits<std::int64_t>::max() : longest_short_;
-    std::map<std::string, std::size_t> missing;  // of what was asked for
+    std::map<std::string, std::size_t> missing;  // rows that were requested and not found
     for (std::size_t i = 0; i < order.size(); ++i) {
       if (i >= wanted && TurnOf(order[i]) > first_turn) break;
       if (!lacks(order[i])) continue;
-      // This transaction sees again what it chose.
+      // Rows that this transaction has chosen are still found.
       const std::size_t limit = fetched_[order[i]].names.size() + part;
       questions.Add({std::string_view(order[i]), most, longest, static_cast<std::int64_t>(limit)});
       missing[order[i]] = limit;
@@ -185,7 +185,7 @@ class Claimer {
     PLANISH_RETURN_IF_ERROR(questions.Send(&sql_, &answers));
     PLANISH_RETURN_IF_ERROR(sql_.Flush());
     for (const SqlRows& rows : answers) {
-      std::vector<WorkRow> works = WorkRowsOf(rows);  // each as often as it has jobs
+      std::vector<WorkRow> works = WorkRowsOf(rows);  // each once for every job that it has
       std::size_t next = 0;
       for (std::size_t begin = 0; begin < works.size(); begin = next) {
         WorkRow& work = works[begin];
@@ -207,7 +207,8 @@ class Claimer {
     return absl::OkStatus();
   }
 
-  // Whoever counts against a limit is the only one that does so, to the end of the transaction.
+  // Takes the tenant's lock until the transaction ends, so that one transaction at a time counts against its limits.
+  // False if a limit is reached or another transaction holds the lock.
   absl::StatusOr<bool> MayRun(const WorkRow& work) {
     const std::string& tenant = work.tenant;
     const TenantLimits limits = LimitsOf(tenant);
@@ -229,14 +230,14 @@ class Claimer {
       }
       counted_.insert(tenant);
     }
-    // Work that needs more than a limit, which was higher when it came, runs beside nothing else.
+    // Work that needs more than the limit, which was higher when it was accepted, runs only alone.
     const std::int64_t reserved = reserved_[tenant];
     const bool has_memory =
         limits.memory_bytes < 0 || reserved == 0 || reserved + work.memory_bytes <= limits.memory_bytes;
     return has_memory && MayRunMore(limits, accounts_.tenants[tenant].running);
   }
 
-  // The work, which waits, is this owner's.
+  // Assigns waiting work to this owner.
   void Choose(LockedWork work) {
     const WorkRow& row = work.row;
     const std::string& tenant = row.tenant;
@@ -244,7 +245,7 @@ class Claimer {
     const double share = ShareOf(limits);
     const std::int64_t charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
     TenantAccount& account = accounts_.tenants[tenant];
-    // Until one of its attempts ended its own limit may have kept it back.
+    // Until one of its attempts ended, the tenant may have been waiting because of its own `running` limit.
     std::int64_t& reserved = reserved_[tenant];
     reserved += row.memory_bytes;
     const bool was_held_back = (limits.running >= 0 && account.running + 1 >= limits.running) ||
@@ -254,7 +255,7 @@ class Claimer {
     transaction_.accounts().of(tenant).received += lift;
     accounts_.virtual_time = std::max(accounts_.virtual_time, ReceivedBy(account, share, Now()));
     transaction_.accounts().RaiseVirtualTime(accounts_.virtual_time);
-    // As it is from now on for this transaction, too.
+    // Later decisions of this transaction must see this.
     account.waiting -= 1;
     account.running += 1;
     account.started += now_ / 1'000'000;
@@ -262,7 +263,7 @@ class Claimer {
     chosen_.push_back(std::move(work));
   }
 
-  // Starts all jobs of work that was chosen.
+  // Starts all jobs of chosen work.
   absl::Status Start(LockedWork work) {
     const double share = ShareOf(LimitsOf(work.row.tenant));
     WorkRow& row = work.row;
@@ -299,15 +300,15 @@ class Claimer {
   ClaimWait& wait_;
 
   std::int64_t now_ = 0;
-  FairAccounts accounts_;  // with what was chosen
+  FairAccounts accounts_;  // includes the chosen work
   std::vector<LockedWork> chosen_;
   std::set<std::string> passed_by_, counted_;     // tenants
-  std::map<std::string, std::int64_t> reserved_;  // memory, by those that are counted
-  // What was locked of a tenant.
+  std::map<std::string, std::int64_t> reserved_;  // reserved memory of the counted tenants
+  // Locked work of a tenant.
   struct Fetched {
-    std::deque<LockedWork> heads;  // that were not chosen, in their order
-    std::set<std::string> names;   // of all
-    bool all = false;              // there is no more
+    std::deque<LockedWork> heads;  // not chosen, in order
+    std::set<std::string> names;   // of all locked work
+    bool all = false;              // whether the tenant has no more
   };
   std::map<std::string, Fetched> fetched_;
   std::int64_t longest_short_ = std::numeric_limits<std::int64_t>::max();  // nanoseconds
@@ -322,9 +323,10 @@ class Claimer {
 
 absl::StatusOr<std::vector<ClaimedWork>> JobStore::Claim(const VerbContext& context, const ClaimRequest& request,
                                                          ClaimWait* wait) {
-  // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
-  // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
-  // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
+  // If the store is on this machine, an attempt that takes the machine down must count, so the claim must be durable. A
+  // shared database that forgets the last claims queues the work again. Writes under the old leases then change
+  // nothing: the next attempt has the same number but another owner. If it has the same owner, JobRunner continues the
+  // first attempt.
   const Durability durability = parts_->database->is_shared() ? Durability::kLater : Durability::kNow;
   std::vector<ClaimedWork> claimed;
   ClaimWait unwanted;

@@ -26,7 +26,7 @@ absl::StatusOr<JobChange> JobStore::Expire(const VerbContext& context, const std
         PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, transaction.Now());
         const absl::Time time = absl::FromUnixNanos(now);
         if (!Advance(JobAction::kExpire, time, change.record.mutable_job()).ok()) return absl::OkStatus();
-        change.record.clear_request_id();  // a caller that asks again wants UV
+        change.record.clear_request_id();  // a repeated request must compute UV again
         transaction.Save(&row, &change.record);
         return absl::OkStatus();
       });

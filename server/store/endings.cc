@@ -13,7 +13,7 @@
 namespace planish {
 namespace {
 
-// Another attempt at these jobs was lost.
+// The error of jobs whose attempt was lost.
 google::rpc::Status LossError(const AttemptOutcome::Loss& loss, int attempts) {
   std::map<std::string, std::string> metadata = loss.metadata;
   metadata["attempts"] = absl::StrCat(attempts);
@@ -71,7 +71,7 @@ absl::Status EndIfOverdue(JobTransaction& transaction, const LockedWork& work, J
   return now >= limits.budget ? transaction.Stop(change) : absl::OkStatus();
 }
 
-// What the worker delivered becomes of one of its jobs.
+// Applies the worker's result to one of the jobs.
 absl::Status Deliver(JobTransaction* transaction, const AttemptOutcome& outcome, JobChange* change) {
   const auto code = static_cast<absl::StatusCode>(outcome.status.code());
   const bool ended_well = code == absl::StatusCode::kOk || code == absl::StatusCode::kCancelled;

@@ -1,4 +1,4 @@
-// What becomes of one job of locked work, as an attempt reports and ends or as its time is over.
+// What happens to a job of locked work when an attempt reports or ends, or a time limit passes.
 #pragma once
 
 #include <algorithm>
@@ -14,22 +14,22 @@
 
 namespace planish {
 
-// Adds an event for each.
+// Adds an event for each progress message.
 absl::Status AddProgress(JobTransaction* transaction, const std::vector<v1::Progress>& progress, JobChange* change);
-// What the worker delivered.
+// Ends the job with the worker's result.
 absl::Status Deliver(JobTransaction* transaction, const AttemptOutcome& outcome, JobChange* change);
-// The worker is gone.
+// The attempt was lost with its worker.
 absl::Status Lose(JobTransaction* transaction, const AttemptOutcome::Loss& loss, JobChange* change);
-// The attempt needed more memory than was reserved: the next one gets `memory_bytes`.
+// The attempt needed more memory than was reserved: queues the job again with `memory_bytes`.
 absl::Status Enlarge(JobTransaction* transaction, std::int64_t memory_bytes, JobChange* change);
-// Ends or stops the job if one of its limits of time has passed.
+// Ends or stops the job if one of its time limits has passed.
 absl::Status EndIfOverdue(JobTransaction& transaction, const LockedWork& work, JobChange* change);
 // The error of a job whose last attempt was lost with its server.
 google::rpc::Status ServerCrashed(int attempts);
 
-// When the job is to be ended or stopped; the infinite future: never.
+// When the job must be ended or stopped; infinite future: never.
 struct JobLimitTimes {
-  absl::Time callers = absl::InfiniteFuture();  // nobody waits for it any more
+  absl::Time callers = absl::InfiniteFuture();  // its callers are gone
   absl::Time timeout = absl::InfiniteFuture();  // Scheduling.timeout
   absl::Time budget = absl::InfiniteFuture();   // Scheduling.compute_budget
 

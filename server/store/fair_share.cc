@@ -7,17 +7,17 @@
 namespace planish {
 namespace {
 
-// What a class of priority is worth in time of waiting.
+// The waiting time that one step of priority is worth.
 constexpr absl::Duration kPriorityStep = absl::Minutes(10);
 
-// What work costs its tenant at least: where nothing is known of what it takes, each piece counts as much as any other.
+// The least cost of work. If nothing is known about run times, all work costs this.
 constexpr absl::Duration kLeastCost = absl::Milliseconds(10);
 
 std::int64_t OverShare(double nanoseconds, double share) {
   return static_cast<std::int64_t>(nanoseconds / share);
 }
 
-// What the work that runs took so far.
+// Time that the tenant's running work has taken so far.
 double Elapsed(const TenantAccount& account, absl::Time now) {
   const double milliseconds = static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
                               static_cast<double>(account.started);
@@ -83,7 +83,7 @@ bool MayRunMore(const TenantLimits& limits, std::int64_t running) {
 
 Room RoomFor(const FairAccounts& accounts, const QueueLimits& limits, const std::string& tenant, std::int64_t bytes) {
   TenantAccount all, own;
-  std::int64_t among = 0;  // tenants that have something waiting, and this one
+  std::int64_t among = 0;  // tenants with waiting work, and this one
   for (const auto& [name, account] : accounts.tenants) {
     all += account;
     if (name == tenant) own = account;
@@ -91,7 +91,7 @@ Room RoomFor(const FairAccounts& accounts, const QueueLimits& limits, const std:
   }
   among += own.waiting > 0 ? 0 : 1;
   const std::int64_t idle = std::max<std::int64_t>(limits.workers - all.running, 0);
-  // What others have waiting takes idle workers first.
+  // Idle workers take the waiting work of other tenants first.
   const std::int64_t idle_for_own = std::max<std::int64_t>(idle - (all.waiting - own.waiting), 0);
   if (own.waiting >= limits.tenant_jobs + idle_for_own) return Room::kTenantFull;
   const std::int64_t total = std::max<std::int64_t>(limits.total_jobs, among) + idle;

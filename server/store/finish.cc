@@ -11,19 +11,19 @@
 #include "server/store/job_transaction.h"
 
 namespace planish {
-// A call of JobStore::Finish of an attempt that was not lost.
+// A call of JobStore::Finish for an attempt that was not lost.
 struct FinishCall {
   const Lease& lease;
   const AttemptOutcome& outcome;
   std::vector<std::string> keys;  // the work
   absl::Status status;
   std::vector<JobChange> changes;
-  bool is_lost = false;  // the lease
+  bool is_lost = false;  // whether the lease was lost
 };
 
 namespace {
 
-// All jobs of the works end.
+// Ends all jobs of the works.
 absl::Status FinishIn(JobTransaction& transaction, const std::vector<FinishCall*>& calls) {
   std::vector<FinishCall*> ordered = calls;
   std::sort(ordered.begin(), ordered.end(),

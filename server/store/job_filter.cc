@@ -118,7 +118,7 @@ class Parser {
 
   bool AtEnd() const { return at_ == text_.size(); }
 
-  // Whether there was any.
+  // Returns whether there was any space.
   bool SkipSpace() { return !Take(IsSpace).empty(); }
 
   std::string_view Take(bool (*is_part)(char)) {

@@ -1,4 +1,4 @@
-// Which jobs a list is to have: planish.v1.ListJobsRequest.filter.
+// Filters of lists: planish.v1.ListJobsRequest.filter.
 #pragma once
 
 #include <cstddef>
@@ -13,10 +13,10 @@
 
 namespace planish {
 
-// Characters of a label's key.
+// Maximal length of a label's key.
 inline constexpr std::size_t kMostLabelKey = 63;
 
-// Whether `key` may be that of a label (planish.v1.JobSpec.labels).
+// Whether `key` is valid for a label (planish.v1.JobSpec.labels).
 bool IsLabelKey(std::string_view key);
 
 struct StateCondition {
@@ -24,7 +24,7 @@ struct StateCondition {
   bool negated = false;
 };
 
-// There is a label `key`; its value is `value`, or begins with it. A job without the label meets what is negated.
+// The job has a label `key`, with this value or prefix. A job without the label meets negated conditions.
 struct LabelCondition {
   enum class Kind { kExists, kEquals, kBeginsWith };
 
@@ -34,7 +34,7 @@ struct LabelCondition {
   bool negated = false;
 };
 
-// All of it must be true of a job.
+// A job must meet all conditions.
 struct JobFilter {
   std::vector<StateCondition> states;
   std::vector<LabelCondition> labels;

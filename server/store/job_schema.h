@@ -1,20 +1,19 @@
-// The tables of JobStore, in SQLite and in PostgreSQL. Rules for later versions are in sql_schema.h.
+// The tables of JobStore in SQLite and PostgreSQL. For rules about later versions see sql_schema.h.
 //
-// Words in braces are the engine's, as in all statements (sql.h); besides them {text} and {bytes} are types, {rowid} is
-// the type of a primary key that grows, {outcome_column} adds the column of {outcome} where it is one, and {clustered}
-// ends tables that are stored in the order of their primary key.
+// Words in braces differ between the engines, as in all statements (sql.h). Here also: {text} and {bytes} are types,
+// {rowid} is the type of a growing primary key, {outcome_column} adds the column of {outcome} if the engine has one,
+// and {clustered} ends tables that are stored in the order of their primary key.
 #pragma once
 
 namespace planish {
 
-// jobs: a row for each job (JobRecord). `ended`: 0 or 1. `due`: when EndOverdue() has to look at it, nanoseconds since
-// 1970, like all times. {outcome} is the state of a job that ended: indexes have it in place of `state`, which changes.
+// jobs: a row for each job (JobRecord). `ended`: 0 or 1. `due`: when EndOverdue() must look at the job, nanoseconds
+// since 1970, like all times. {outcome} is the state of an ended job; indexes use it instead of `state`, which changes.
 // events: `kind` 0 is one JobEvent, 1 an EventBatch with a change of state, 2 one with progress only.
-// blobs: those that are committed with the records that refer to them.
-// works: a row for each piece of work that has not ended (WorkRow). `running` is 1 while there is a lease.
-// tenants: what a tenant has is the sum over its rows (TenantAccount), one for each SqlConnection::Slot(), so that
-// those who write at the same time seldom wait for each other. The rows of the tenant '' hold the virtual time as
-// `received`.
+// blobs: small blobs committed with the records that refer to them.
+// works: a row for each piece of work that has not ended (WorkRow). `running` is 1 while there is a lease. tenants: the
+// account of a tenant is the sum over its rows (TenantAccount). There is a row for each SqlConnection::Slot(), so that
+// concurrent writers seldom wait for each other. The rows of the tenant '' hold the virtual time as `received`.
 inline constexpr char kJobSchema[] = R"sql(
   CREATE TABLE jobs (
     number {rowid} PRIMARY KEY,

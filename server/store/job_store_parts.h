@@ -1,4 +1,4 @@
-// What JobStore is made of. For its own files.
+// The parts of JobStore. For its own files only.
 #pragma once
 
 #include <memory>
@@ -20,8 +20,8 @@ struct AcceptCall;  // accept.cc
 struct FinishCall;  // finish.cc
 
 struct JobStore::Parts {
-  // Transactions of this process at the same time: a front has callers from everywhere, the workers of one machine need
-  // one connection for what they finish. And calls in each.
+  // Concurrent transactions of this process, and the calls combined in each. A front end has callers from everywhere;
+  // the workers of one machine need only one connection to finish their work.
   static constexpr int kAccepting = 2, kFinishing = 1;
   static constexpr std::size_t kGroupedCalls = 16;
 
@@ -31,7 +31,7 @@ struct JobStore::Parts {
 
   Listeners<StoreNews> listeners;
   const std::unique_ptr<SqlDatabase> database;
-  const StoreClock clock;  // null: the database's own
+  const StoreClock clock;  // null: the database's own clock
   JobTransactions transactions{database.get(), &clock, &listeners};
   SqlBlobRows rows{database.get()};
   RecentAccounts recent_accounts;

@@ -18,23 +18,23 @@ namespace {
 
 using google::protobuf::util::TimeUtil;
 
-// Sequence numbers that are reserved at a time.
+// Sequence numbers reserved at a time.
 constexpr std::int64_t kSequenceBlock = 1024;
 
-// Of a job's progress at least so many events are kept, and after each of that many the others go.
+// At least this many progress events of a job are kept; older ones are deleted after each of that many.
 constexpr std::int64_t kKeptProgress = 2048;
 
 absl::Status BadRow() {
   return InternalError("the job store: a row that cannot be read");
 }
 
-// What was written before there were tenants. Fields of earlier builds that this one does not know are dropped where
-// rows are read: passed on, they would puzzle clients that have another field of that number.
+// Fills in the tenant of records from before there were tenants. Unknown fields from earlier builds are dropped when
+// rows are read: clients may use another field with that number.
 void FillInTenant(v1::Job* job) {
   if (job->tenant().empty()) job->set_tenant(kDefaultTenant);
 }
 
-// Lists do without reports, which may be hundreds of KB each and have a column of their own.
+// Lists omit reports, which may be hundreds of KB each and have a column of their own.
 template <class Message>
 std::string BytesWithoutReport(Message* message, v1::Job* job) {
   v1::Report* const report = job->release_report();
@@ -50,7 +50,7 @@ SqlValue RequestId(const JobRecord& record) {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
-// What a row of events holds (work_schema.h).
+// The content of a row of `events` (job_schema.h).
 enum EventKind : std::int64_t { kOneEvent = 0, kWithState = 1, kProgressOnly = 2 };
 
 absl::Time TimeOf(const google::protobuf::Timestamp& timestamp) {
@@ -79,7 +79,7 @@ JobStanding StandingOf(const JobRecord& record, int max_attempts) {
           job.memory_bytes()};
 }
 
-// What is wanted of an attempt at work with these jobs.
+// The Wish for an attempt at work with these jobs.
 Wish WishOf(const std::vector<JobRow>& jobs) {
   bool cancel = true, stop = true;
   for (const JobRow& job : jobs) {
@@ -101,7 +101,7 @@ absl::Status TimedOut(const v1::Job& job) {
                                 " after it was accepted (Scheduling.timeout)"));
 }
 
-// Of pieces of work, the jobs that have not ended, each with the name of its work.
+// The unfinished jobs of pieces of work, each with the name of its work.
 RowBatch JobsOfWorks() {
   return RowBatch::Of(absl::StrCat("SELECT ", kJobColumns, ", work FROM jobs WHERE ended = 0 AND work IN ({rows})"));
 }
@@ -111,9 +111,9 @@ std::int64_t ResultBytes(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_SUCCEEDED ? record.job().uv().total_bytes() : 0;
 }
 
-// What an ended job takes beside its blobs, roughly. Old progress of long work was dropped.
+// Approximate size of an ended job without its blobs. Old progress of long work was dropped.
 std::int64_t KeptBytes(const JobRecord& record) {
-  constexpr std::int64_t kRows = 1024;  // columns and entries of indexes
+  constexpr std::int64_t kRows = 1024;  // columns and index entries
   const double kept = std::min(1.0, 2.0 * kKeptProgress / static_cast<double>(record.last_sequence()));
   return kRows + static_cast<std::int64_t>(record.ByteSizeLong()) +
          std::llround(kept * static_cast<double>(record.event_bytes()));
@@ -211,7 +211,7 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
   return std::move(jobs.front());
 }
 
-// The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
+// The lock of a work's row also locks its jobs: every transaction that changes or adds one takes it first.
 absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
   static const std::string select = absl::StrCat("SELECT ", kWorkColumns, ", {now} FROM works WHERE name = ? ");
   static const std::string waits = select + "{lock}", skips = select + "{skip}";
@@ -224,8 +224,8 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
 }
 
 absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
-  // As in JobStore::Renew not "running = 1": PostgreSQL might take the index of what the owner runs, all of it, in
-  // place of the name's.
+  // Not "running = 1", as in JobStore::Renew: PostgreSQL might use the index of the owner's running work, and read all
+  // of it, instead of the index of names.
   static const std::string sql =
       absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running != 0 RETURNING ",
                    kWorkColumns, ", {now}");
@@ -330,7 +330,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   }
   const int waited = before.running ? 0 : 1;
   const int waits = row.running || gone ? 0 : 1;
-  // What was lost or given back begins anew, as if it had just come.
+  // Work that was lost or given back is queued like new work.
   if (waits > waited) PLANISH_RETURN_IF_ERROR(Lift(row.tenant, ShareIn(before)));
   account.waiting += waits - waited;
   account.waiting_bytes += (waits - waited) * row.mesh_bytes;
@@ -383,7 +383,7 @@ absl::Status JobTransaction::FlushRows() {
   for (auto& [columns, batch] : saves_) batches.push_back(&batch);
   batches.insert(batches.end(), {&events_, &works_});
   for (RowBatch* const batch : batches) PLANISH_RETURN_IF_ERROR(batch->Send(&sql_));
-  for (const auto& [id, bytes] : blobs_) {  // in one order everywhere
+  for (const auto& [id, bytes] : blobs_) {  // the same order everywhere
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(
         "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
         {std::string_view(id.tenant), SqlBytes{id.sha256}, SqlBytes{bytes->bytes()}}));
@@ -416,7 +416,7 @@ void JobTransaction::Save(JobRow* row, JobRecord* record) {
   const std::string bytes = BytesWithoutReport(record, record->mutable_job());
   const std::string report = job.report().SerializeAsString();
   const std::int64_t due = DueColumn(*record);
-  // Each column that a statement names costs the indexes that it is in, changed or not: so there are several.
+  // Each column in a statement costs an update of its indexes, changed or not. So there are several statements.
   std::vector<std::string> columns = {"state", "record"};
   std::vector<SqlValue> values = {std::int64_t{job.state()}, SqlBytes{bytes}};
   unsigned which = 0;
@@ -559,7 +559,7 @@ absl::Status JobTransaction::EndEarly(const LockedWork& work, EarlyEnd why, bool
   } else {
     record.set_timed_out(true);
   }
-  // The worker has to answer first, if it works for nobody else.
+  // If the worker works for this job only, it must answer first.
   if (IsLeased(record) && work.Size() == 1) {
     const bool runs = record.job().state() == v1::JOB_STATE_RUNNING;
     return runs ? Act(JobAction::kCancel, change) : absl::OkStatus();

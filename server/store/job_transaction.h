@@ -104,7 +104,7 @@ class JobTransaction {
   // Empty if the work has ended, or if it is locked by another transaction and `wait` is false.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
   // Locks work whose jobs are all about to end, and deletes its rows, in one round trip. Empty for a lease that is not
-  // the present one. `ordered` is sorted by name, as everywhere, which prevents deadlocks.
+  // current. `ordered` is sorted by name, as everywhere, which prevents deadlocks.
   absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
   // Combines a locked row with its jobs, in any order, which were read after it was locked.
   LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
@@ -138,7 +138,7 @@ class JobTransaction {
   void PutBlobs(const std::vector<BlobRow>& blobs);
 
   // Act() changes the record by Advance() and adds an event for that; INTERNAL if the state does not allow it.
-  // Announce() adds an event with the present state. Neither writes the row.
+  // Announce() adds an event with the current state. Neither writes the row.
   absl::Status Act(JobAction action, JobChange* change);
   absl::Status Announce(JobChange* change);
   // Deletes ended jobs with their labels and events.
@@ -155,7 +155,7 @@ class JobTransaction {
   absl::Status Fail(const google::rpc::Status& error, JobChange* change);
   // If the job is being cancelled or has timed out, ends it. Returns whether it did.
   absl::StatusOr<bool> EndIfWanted(JobChange* change);
-  // The attempt is over without a result: the job waits again.
+  // The attempt ended without a result: queues the job again.
   absl::Status Requeue(JobChange* change);
   // JobStore::EndEarly and RequestStop for a job of locked work.
   absl::Status EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change);
@@ -164,7 +164,7 @@ class JobTransaction {
   absl::Status Start(const Lease& lease, JobChange* change);
 
  private:
-  // LiftIn() with the present accounts.
+  // LiftIn() with the current accounts.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
   // By name of their work.

@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-// Writes what changed of a job that is there.
+// Writes the changes of an existing job.
 absl::Status WriteChange(JobTransaction* transaction, JobRow* row, JobChange* change) {
   transaction->Save(row, &change->record);
   return transaction->WriteEvents(change);
@@ -29,7 +29,7 @@ absl::Status JobTransactions::Change(const VerbContext& context, Durability dura
     news = std::move(transaction.news());
     return absl::OkStatus();
   });
-  // After an error the transaction may still have been done; listeners look by themselves every few seconds.
+  // After an error the transaction may still have been committed; listeners poll every few seconds anyway.
   if (status.ok()) Tell(std::move(news));
   return status;
 }
@@ -76,7 +76,7 @@ absl::StatusOr<std::vector<JobChange>> JobTransactions::ForWorks(
     const OnJob& body) {
   std::vector<JobChange> changes;
   {
-    // Mostly there is nothing to do, which takes no transaction.
+    // Usually there is nothing to do; finding that out takes no transaction.
     PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_.Connect(SqlDatabase::Use::kRead));
     JobTransaction look(connection.get(), &context, &clock_);
     PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(look));
@@ -85,7 +85,7 @@ absl::StatusOr<std::vector<JobChange>> JobTransactions::ForWorks(
   const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) -> absl::Status {
     changes.clear();
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, works(transaction));
-    // In one order everywhere, so that no two wait for each other.
+    // In the same order everywhere, which prevents deadlocks.
     std::set<std::string> names;
     for (std::size_t i = 0; i < rows.size(); ++i) names.insert(rows.Bytes(i, 0));
     for (const std::string& name : names) {

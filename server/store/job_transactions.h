@@ -1,4 +1,4 @@
-// The transactions that JobStore's verbs are.
+// Runs JobStore's verbs as transactions.
 #pragma once
 
 #include <functional>
@@ -18,10 +18,10 @@ namespace planish {
 // What a verb does to one job of locked work.
 using OnJob = std::function<absl::Status(JobTransaction&, const LockedWork&, JobChange*)>;
 
-// Thread-safe. Whoever subscribed, in any process, hears of each transaction once it is committed.
+// Thread-safe. Notifies the subscribers of all processes of each committed transaction.
 class JobTransactions {
  public:
-  // All outlive the object.
+  // The arguments outlive the object.
   JobTransactions(SqlDatabase* database, const StoreClock* clock, const Listeners<StoreNews>* listeners)
       : database_(*database), clock_(*clock), listeners_(*listeners) {}
 
@@ -29,21 +29,21 @@ class JobTransactions {
   absl::Status Change(const VerbContext& context, Durability durability,
                       const std::function<absl::Status(JobTransaction&)>& body);
 
-  // One job that has not ended, whose work is locked. No effect on one that has.
+  // Changes one unfinished job, whose work is locked. No effect on a job that has ended.
   absl::StatusOr<JobChange> ChangeJob(const VerbContext& context, const std::string& name, const OnJob& body);
 
-  // All jobs of the work that is held by the lease. ABORTED with LEASE_LOST.
+  // Changes all jobs of the leased work. ABORTED with LEASE_LOST.
   absl::StatusOr<std::vector<JobChange>> ChangeWork(const VerbContext& context, const Lease& lease,
                                                     Durability durability, const OnJob& body);
 
-  // All jobs of all works whose names `works` selects, in one transaction; jobs that `body` leaves without an event are
-  // not among the changes.
+  // Changes all jobs of all works whose names `works` selects, in one transaction. Returns only jobs for which `body`
+  // adds an event.
   absl::StatusOr<std::vector<JobChange>> ForWorks(const VerbContext& context,
                                                   const std::function<absl::StatusOr<SqlRows>(JobTransaction&)>& works,
                                                   const OnJob& body);
 
-  // All calls by one transaction, or if that fails for another reason than that the database is away, each by its own.
-  // Sets Call::status.
+  // Runs all calls in one transaction or, if that fails while the database is available, each call in its own. Sets
+  // Call::status.
   template <class Call, class OnCalls>
   void ChangeAll(const VerbContext& context, const std::vector<Call*>& all, const OnCalls& body) {
     const auto change = [&](const std::vector<Call*>& calls) {
@@ -54,7 +54,7 @@ class JobTransactions {
     for (Call* const each : all) each->status = is_answer ? status : change({each});
   }
 
-  // Calls that come while others are under way share a transaction.
+  // Concurrent calls share a transaction.
   template <class Call, class OnCalls>
   absl::Status ChangeTogether(const VerbContext& context, CallGroups<Call>* groups, Call* call, const OnCalls& body) {
     groups->Run(call, [&](const std::vector<Call*>& calls) { ChangeAll(context, calls, body); });
@@ -69,7 +69,7 @@ class JobTransactions {
   const Listeners<StoreNews>& listeners_;
 };
 
-// Runs `body` for each job of the work, writes what changed, and settles the work.
+// Runs `body` for each job of the work, writes the changes, and settles the work.
 absl::Status ChangeJobs(JobTransaction* transaction, LockedWork* work, const OnJob& body,
                         std::vector<JobChange>* changes);
 

@@ -1,4 +1,4 @@
-// JobStore::Renew, Report and Release: what an owner says of leases that go on, or that it gives up.
+// JobStore::Renew, Report and Release: what an owner says about the leases that it keeps or gives up.
 #include <algorithm>
 #include <cstdint>
 #include <deque>
@@ -28,7 +28,7 @@ absl::StatusOr<std::int64_t> LeaseUntil(JobTransaction* transaction, absl::Durat
 
 absl::StatusOr<std::vector<Wish>> JobStore::Renew(const std::vector<Lease>& leases, absl::Duration lease) {
   std::vector<Wish> wishes(leases.size());
-  std::vector<std::size_t> order(leases.size());  // one everywhere, so that no two wait for each other
+  std::vector<std::size_t> order(leases.size());  // the same everywhere, which prevents deadlocks
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
   const absl::Status status =
@@ -61,8 +61,9 @@ absl::StatusOr<std::vector<Wish>> JobStore::Renew(const std::vector<Lease>& leas
 
 absl::StatusOr<std::vector<JobChange>> JobStore::Report(const VerbContext& context, const Lease& lease,
                                                         const std::vector<v1::Progress>& progress) {
-  // A loss of power may take back what was told. So numbers are reserved, and that has to be durable. What a shared
-  // database forgets costs no number: its watchers live on, and JobFeed knows what they were told.
+  // A loss of power may undo progress events that watchers have seen. So sequence numbers are reserved, durably, and
+  // never used twice. With a shared database this is not needed: its watchers survive, and JobFeed knows what they have
+  // seen.
   const bool may_reserve = !parts_->database->is_shared();
   bool reserves = false;
   const auto report = [&](Durability durability) {

@@ -86,7 +86,7 @@ absl::Status Advance(JobAction action, absl::Time now, v1::Job* job) {
                      job->name() + " is " + StateName(job->state()) + " and cannot " + Name(action));
   }
   job->set_state(*next);
-  // A clock that was set back makes no duration negative.
+  // Durations stay non-negative even if the clock was set back.
   google::protobuf::Timestamp time = ToTimestamp(now);
   for (const google::protobuf::Timestamp& before : {job->create_time(), job->start_time()}) {
     if (before > time) time = before;

@@ -1,4 +1,4 @@
-// The states of a job and the only ways between them.
+// The states of a job and the transitions between them.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace planish {
 
-// What happens to a job.
+// Actions that change the state of a job.
 enum class JobAction {
   kStart,      // a worker took it
   kStop,       // somebody wants the best map so far

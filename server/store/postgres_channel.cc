@@ -18,23 +18,23 @@ namespace planish {
 namespace {
 
 constexpr std::chrono::seconds kRetry(1);
-constexpr std::chrono::seconds kLook(60);        // at the connection, where nothing comes
-constexpr std::chrono::milliseconds kGather(5);  // what comes meanwhile travels together
+constexpr std::chrono::seconds kLook(60);        // interval of checks of a silent connection
+constexpr std::chrono::milliseconds kGather(5);  // messages of this time are sent together
 
-// What all processes together send, and what comes of it: each sends the less often the more there are and the more
-// listen.
+// Limits on the messages of all processes together, and on the wake-ups that they cause: each process sends less often
+// the more processes there are and the more of them listen.
 constexpr int kMessagesPerSecond = 400;
 constexpr int kWakesPerSecond = 4000;
 
-// PostgreSQL takes payloads below 8,000 bytes.
+// PostgreSQL allows payloads below 8,000 bytes.
 constexpr std::size_t kMostBytes = 7900;
-constexpr std::size_t kMostMessages = 16;  // that are sent at once; beyond them "*" says as much
+constexpr std::size_t kMostMessages = 16;  // sent at once; more are replaced by "*"
 
 }  // namespace
 
 class PostgresChannel::Link {
  public:
-  // Null: there is no connection.
+  // Null: not connected.
   explicit Link(PGconn* connection) : connection_(connection) {}
 
   // False if the connection is lost.
@@ -73,7 +73,7 @@ class PostgresChannel::Link {
   };
   using Result = std::unique_ptr<PGresult, Clearer>;
 
-  // Null: it failed.
+  // Null: the query failed.
   Result Query(const char* sql, const char* parameter) {
     Result result(
         PQexecParams(connection_.get(), sql, parameter == nullptr ? 0 : 1, nullptr, &parameter, nullptr, nullptr, 0));
@@ -121,7 +121,7 @@ void PostgresChannel::Publish(std::string_view lines) {
 bool PostgresChannel::Wait(int socket, Clock::duration time) {
   std::array<pollfd, 2> files = {{{wake_, POLLIN, 0}, {socket, POLLIN, 0}}};
   const auto milliseconds = std::chrono::ceil<std::chrono::milliseconds>(std::max(time, Clock::duration::zero()));
-  poll(files.data(), files.size(), static_cast<int>(milliseconds.count()));  // poll() leaves out negative ones
+  poll(files.data(), files.size(), static_cast<int>(milliseconds.count()));  // poll() ignores negative descriptors
   eventfd_t count = 0;
   eventfd_read(wake_, &count);
   const std::lock_guard lock(mutex_);
@@ -178,9 +178,9 @@ void PostgresChannel::Run() {
     hears_ = false;
     if (!first && Wait(-1, kRetry)) return;
     Link link(connect_());
-    Clock::time_point free;  // when the next message may go
+    Clock::time_point free;  // when the next message may be sent
     while (link.Listen(ShouldListen())) {
-      if (link.listens() && !hears_) listener_("*\n");  // before, this process did not hear
+      if (link.listens() && !hears_) listener_("*\n");  // this process may have missed messages
       hears_ = link.listens();
       if (!link.Receive(listener_)) break;
       const std::optional<Clock::time_point> since = PendingSince();

@@ -16,33 +16,33 @@ struct pg_conn;  // libpq's PGconn
 
 namespace planish {
 
-// Has a connection and a thread of its own. Messages are sent apart from transactions, since PostgreSQL lets only one
-// transaction with a NOTIFY commit at a time. Those of some milliseconds travel together, of more where there are many
-// processes. A message wakes all processes that listen: two hundred of them take a whole PostgreSQL to themselves. So
-// where there are many, only those listen that must (kMostListeners). Thread-safe.
+// Has its own connection and thread. Messages are sent outside of transactions, since PostgreSQL lets only one
+// transaction with a NOTIFY commit at a time. Messages of some milliseconds are sent together, of a longer time if
+// there are many processes. A message wakes all listening processes; two hundred of them keep a whole PostgreSQL busy.
+// So if there are many, only those that must listen do (kMostListeners). Thread-safe.
 class PostgresChannel {
  public:
   using Listener = std::function<void(std::string_view message)>;
-  // A new connection, which becomes the channel's; null: there is none now.
+  // Makes a new connection, which the channel then owns; null if that fails.
   using Connector = std::function<pg_conn*()>;
 
-  // `connect` is called on the channel's thread, as often as a connection is lost. `listener` hears of what others
-  // send, on the channel's thread, and of the line "*" whenever messages may have been lost: after a connection was
-  // made anew, and where too many came at once. `must_hear`: also where many listen.
+  // `connect` is called on the channel's thread, also after a connection is lost. `listener` is called on that thread
+  // with messages from others, and with the line "*" whenever messages may have been lost: after a reconnection, or if
+  // too many came at once. `must_hear`: listen even if there are many processes.
   PostgresChannel(Connector connect, bool must_hear, Listener listener);
   ~PostgresChannel();
   PostgresChannel(const PostgresChannel&) = delete;
   PostgresChannel& operator=(const PostgresChannel&) = delete;
 
-  // Sends lines of text soon, each once however often it was given in the meantime.
+  // Sends lines of text soon; a line given several times in the meantime is sent once.
   void Publish(std::string_view lines);
 
-  // Processes with such an object, and those of them that must hear.
+  // The number of processes with a channel, and of those that must listen.
   void SetProcesses(int all, int must_hear);
-  // Whether messages come in; false: there are many processes, or the connection is lost.
+  // Whether messages are received. False if there are too many processes, or the connection is lost.
   bool hears() const { return hears_; }
 
-  // Processes, from more of which on those that need not hear do not listen.
+  // With more processes than this, those that need not listen do not.
   static constexpr int kMostListeners = 32;
 
  private:
@@ -50,13 +50,13 @@ class PostgresChannel {
   class Link;
 
   void Run();
-  // Whether the channel ends. Waits for a message from elsewhere (`socket`, -1: none), for one to send, or for the end,
-  // at most `time`.
+  // Waits until a message arrives (on `socket`, -1: none), there is one to send, or the channel ends, at most for
+  // `time`. Returns whether the channel ends.
   bool Wait(int socket, Clock::duration time);
   bool ShouldListen();
-  // Between two messages of this process.
+  // Time between two messages of this process.
   Clock::duration Spacing();
-  // When the oldest line that waits was given; empty: none waits.
+  // When the oldest unsent line was given; empty: no line waits.
   std::optional<Clock::time_point> PendingSince();
   // False if the connection is lost.
   bool Send(Link* link);

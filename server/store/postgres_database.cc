@@ -30,16 +30,16 @@ namespace {
 // meta.version of a database with the tables of job_schema.h.
 constexpr std::int64_t kVersion = 1;
 
-// Slots of the transactions that took no turn.
+// Slots of transactions that did not call TakeTurn().
 constexpr std::int64_t kSlots = 16;
 
-// Of advisory locks: whoever migrates.
+// Advisory lock of migrations.
 constexpr std::int64_t kMigrationKey = 0x706c616e697368;
 
-// Statements that a connection keeps prepared; filters of lists make new ones without end.
+// Statements that a connection keeps prepared. Filters of lists make an unlimited number of statements.
 constexpr std::size_t kMostPrepared = 200;
 
-// Types of parameters (pg_type.dat), which libpq's headers do not have.
+// Types of parameters (pg_type.dat), which libpq's headers do not define.
 constexpr Oid kInt8 = 20, kText = 25, kBytea = 17;
 
 struct ResultDeleter {
@@ -57,9 +57,9 @@ std::string PostgresWord(std::string_view word) {
     return "\n    outcome BIGINT GENERATED ALWAYS AS (CASE WHEN ended = 1 THEN state ELSE 0 END) STORED,";
   }
   if (word == "rowid") return "BIGINT";
-  if (word == "text") return "TEXT COLLATE \"C\"";  // the order of bytes, as SQLite's, whatever the machine's locale
+  if (word == "text") return "TEXT COLLATE \"C\"";  // byte order, as in SQLite, whatever the machine's locale
   if (word == "bytes") return "BYTEA";
-  if (word == "anywhere") return "ctid >= '(0,0)'";  // without it: by an index, since sequential scans are off
+  if (word == "anywhere") return "ctid >= '(0,0)'";  // sequential scans are off, so this avoids an index
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   if (word == "elapsed") {
     return "CAST(extract(epoch FROM clock_timestamp() - transaction_timestamp()) * 1000000000 AS BIGINT)";
@@ -67,7 +67,7 @@ std::string PostgresWord(std::string_view word) {
   return "";
 }
 
-// `?` becomes $1, $2, ...
+// Replaces each `?` by $1, $2, ...
 std::string WithNumbers(const std::string& sql) {
   std::string text;
   int number = 0;
@@ -75,7 +75,7 @@ std::string WithNumbers(const std::string& sql) {
   return text;
 }
 
-// FNV-1a: the same in every process.
+// FNV-1a, which gives the same hash in every process.
 std::int64_t HashOf(std::string_view key) {
   std::uint64_t hash = 14695981039346656037u;
   for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
@@ -96,7 +96,7 @@ std::int64_t IntegerOf(const char* bytes, int size) {
   return size == 4 ? static_cast<std::int32_t>(be32toh(four)) : static_cast<std::int64_t>(be64toh(eight));
 }
 
-// What a libpq URL says, as KEY='VALUE' ..., and the password. One string for each host, which has that host first.
+// A libpq URL as KEY='VALUE' ..., with the password. One string for each host, with that host first.
 absl::StatusOr<std::vector<std::string>> ConnectionStrings(const PostgresOptions& options) {
   struct Free {
     void operator()(PQconninfoOption* entries) const { PQconninfoFree(entries); }
@@ -127,7 +127,7 @@ absl::StatusOr<std::vector<std::string>> ConnectionStrings(const PostgresOptions
       if (entry->val == nullptr) continue;
       const std::string_view key = entry->keyword;
       std::vector<std::string> parts = {entry->val};
-      // Lists with an entry for each host.
+      // These are lists with an entry for each host.
       if (key == "host" || key == "hostaddr" || key == "port") parts = absl::StrSplit(entry->val, ',');
       if (parts.size() == hosts.size())
         std::rotate(parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(first), parts.end());
@@ -139,24 +139,24 @@ absl::StatusOr<std::vector<std::string>> ConnectionStrings(const PostgresOptions
   return all;
 }
 
-// Which of several primaries is the present one: whoever was promoted last. Each promotion begins a timeline with a
-// higher number. A primary that was cut off, and comes back when a standby has been promoted in its place, still takes
-// writes, which would be lost. Thread-safe.
+// Decides which of several primaries is current: the one promoted last. Each promotion begins a timeline with a higher
+// number. A primary that was cut off, and returns after a standby was promoted in its place, still accepts writes,
+// which would be lost. Thread-safe.
 class Primary {
  public:
-  // What a server says of itself: its cluster and its timeline.
+  // The cluster and the timeline that a server reports.
   struct Identity {
     std::string cluster;
     std::int64_t timeline = 0;
   };
 
-  // Whether nobody was admitted yet.
+  // Whether no server was admitted yet.
   bool IsUnknown() {
     const std::lock_guard lock(mutex_);
     return cluster_.empty();
   }
 
-  // Whether such a server may be used; remembers it if so.
+  // Whether this server may be used; remembers it if so.
   absl::Status Admit(const Identity& found) {
     const std::lock_guard lock(mutex_);
     if (cluster_.empty()) cluster_ = found.cluster;
@@ -183,8 +183,8 @@ class Primary {
 
 class PostgresConnection : public SqlConnection {
  public:
-  // To the first of the hosts that `primary` admits. A process that has seen none yet looks at all of them, and begins
-  // with the one that was promoted last.
+  // Connects to the first host that `primary` admits. A process that has not connected yet checks all hosts, and begins
+  // with the one promoted last.
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::vector<std::string>& urls,
                                                                   Primary* primary, const char* name = "planishd") {
     if (urls.size() > 1 && primary->IsUnknown()) {
@@ -207,7 +207,7 @@ class PostgresConnection : public SqlConnection {
   }
 
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::string& url, const char* name) {
-    // What the URL says goes before these. A server that is gone without a word is noticed within some seconds.
+    // Settings in the URL override these. A server that vanishes silently is noticed within some seconds.
     const std::array<const char*, 6> keys = {"connect_timeout", "tcp_user_timeout", "application_name",
                                              "client_encoding", "dbname",           nullptr};
     const std::array<const char*, 6> values = {"5", "10000", name, "UTF8", url.c_str(), nullptr};
@@ -219,23 +219,24 @@ class PostgresConnection : public SqlConnection {
     }
     PQsetNoticeProcessor(
         raw, [](void*, const char*) {}, nullptr);
-    // Whoever hangs in the middle of a transaction holds locks that others wait for. With no statistics, or those of a
-    // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all
-    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often. So that a
-    // statement is planned once, its plan does not depend on its parameters: limits would have it planned each time.
+    // A session that hangs within a transaction holds locks that others wait for, hence the timeouts. Without
+    // statistics, or with those of a queue that grew from nothing within a minute, PostgreSQL would read whole tables
+    // for a few rows, and sort all waiting rows for one of them, since bitmaps have no order; every frequent query has
+    // an index. Plans do not depend on parameters, so that a statement is planned only once: its limits would have it
+    // planned each time.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
         "SET enable_seqscan = off; SET plan_cache_mode = force_generic_plan"));
     return connection;
   }
 
-  // The connection itself, which is the caller's from now on.
+  // Gives the connection to the caller.
   PGconn* Release() { return connection_.release(); }
 
   bool IsGood() const { return PQstatus(connection_.get()) == CONNECTION_OK; }
   bool IsIdle() const { return PQtransactionStatus(connection_.get()) == PQTRANS_IDLE; }
 
-  // Several statements without parameters.
+  // Runs several statements without parameters.
   absl::Status Execute(const std::string& script) {
     PLANISH_RETURN_IF_ERROR(Flush());
     return Check(Result(PQexec(connection_.get(), script.c_str()))).status();
@@ -253,7 +254,7 @@ class PostgresConnection : public SqlConnection {
   absl::Status Commit() override {
     in_transaction_ = false;
     PLANISH_ASSIGN_OR_RETURN(const Result result, Send({"COMMIT", {}}));
-    // A transaction in which something failed is rolled back, without an error.
+    // The server rolls back a failed transaction without reporting an error.
     if (std::string_view(PQcmdStatus(result.get())) == "COMMIT") return absl::OkStatus();
     return InternalError("the job store: a transaction that failed cannot be committed");
   }
@@ -343,7 +344,7 @@ class PostgresConnection : public SqlConnection {
     return rows;
   }
 
-  // A value as it travels.
+  // A value in the format of the protocol.
   struct Parameter {
     Oid type = kText;
     bool is_null = false;
@@ -376,8 +377,8 @@ class PostgresConnection : public SqlConnection {
     return parameters;
   }
 
-  // Runs what waits, and then `last`, in one go (libpq's pipeline mode). Returns the result of `last`, or the first
-  // error of all.
+  // Runs the waiting statements and then `last`, in one round trip (libpq's pipeline mode). Returns the result of
+  // `last`, or the first error.
   absl::StatusOr<Result> Send(Statement last) {
     std::vector<Statement> batch = std::exchange(waiting_, {});
     batch.push_back(std::move(last));
@@ -387,13 +388,13 @@ class PostgresConnection : public SqlConnection {
       prepared_.clear();
     }
     if (PQenterPipelineMode(raw) == 0) return StoreUnavailable(OneLine(PQerrorMessage(raw)));
-    std::vector<std::string> fresh;  // statements that are prepared in this batch
+    std::vector<std::string> fresh;  // statements prepared in this batch
     bool sent = true;
-    std::vector<SqlRows*> results;  // of all that is sent: where the rows go
+    std::vector<SqlRows*> results;  // for each statement that was sent, where its rows go
     for (const Statement& statement : batch) {
       if (statement.parameters.empty() && !statement.sql.starts_with("SELECT") &&
           !statement.sql.starts_with("UPDATE")) {
-        // BEGIN and its like.
+        // BEGIN, COMMIT, ...
         sent = sent && PQsendQueryParams(raw, WithNumbers(ReplaceWords(statement.sql, PostgresWord)).c_str(), 0,
                                          nullptr, nullptr, nullptr, nullptr, /*resultFormat=*/1) != 0;
         results.push_back(statement.rows);
@@ -423,7 +424,7 @@ class PostgresConnection : public SqlConnection {
     }
     sent = sent && PQpipelineSync(raw) != 0;
     absl::StatusOr<Result> outcome = sent ? Collect(results) : StoreUnavailable(OneLine(PQerrorMessage(raw)));
-    // Whatever comes now ends the batch; a connection that was lost is thrown away.
+    // Everything that arrives now ends the batch. A lost connection is discarded.
     while (PGresult* rest = PQgetResult(raw)) PQclear(rest);
     if (PQexitPipelineMode(raw) == 0 && outcome.ok()) outcome = StoreUnavailable(OneLine(PQerrorMessage(raw)));
     if (!outcome.ok()) {
@@ -432,7 +433,7 @@ class PostgresConnection : public SqlConnection {
     return outcome;
   }
 
-  // Reads as many results, and keeps the rows of those that have a place for them. Returns the last one, or the first
+  // Reads a result for each of `places`, and stores its rows there unless null. Returns the last result, or the first
   // error.
   absl::StatusOr<Result> Collect(const std::vector<SqlRows*>& places) {
     absl::StatusOr<Result> outcome = Result();
@@ -440,7 +441,7 @@ class PostgresConnection : public SqlConnection {
       Result result;
       // A null pointer ends the results of each statement.
       while (PGresult* part = PQgetResult(connection_.get())) result.reset(part);
-      if (!outcome.ok()) continue;  // those behind an error were not run
+      if (!outcome.ok()) continue;  // statements after an error were not run
       outcome = Check(std::move(result));
       if (outcome.ok() && place != nullptr) *place = RowsOf(*outcome);
     }
@@ -457,8 +458,8 @@ class PostgresConnection : public SqlConnection {
     if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
       return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
     }
-    // Of the connection (08), by the operator (57P), by other transactions (40), of locks and limits (53, 55, 57014,
-    // 25P03), of a server that takes no writes: a standby (25006).
+    // Errors that pass: connection (08), operator intervention (57P), conflicts (40), locks and limits (53, 55, 57014,
+    // 25P03), and a server that accepts no writes, such as a standby (25006).
     const bool passes = !IsGood() || state.empty() || state.starts_with("08") || state.starts_with("57") ||
                         state.starts_with("40") || state.starts_with("53") || state.starts_with("55") ||
                         state == "25006" || state == "25P03";
@@ -466,9 +467,9 @@ class PostgresConnection : public SqlConnection {
   }
 
   std::unique_ptr<PGconn, Closer> connection_;
-  bool in_transaction_ = false;     // between Begin() and its end, even if the server does not know yet
+  bool in_transaction_ = false;     // between Begin() and the end, even if the server does not know yet
   std::int64_t slot_ = 0;           // of the transaction
-  SqlRows turn_;                    // what TakeTurn() of the transaction returned
+  SqlRows turn_;                    // the result of the transaction's TakeTurn()
   std::vector<Statement> waiting_;  // of RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
   std::int64_t last_name_ = 0;
@@ -476,7 +477,7 @@ class PostgresConnection : public SqlConnection {
 
 class PostgresDatabase : public SqlDatabase {
  public:
-  // `urls` as of ConnectionStrings().
+  // `urls`: see ConnectionStrings().
   PostgresDatabase(const PostgresOptions& options, std::vector<std::string> urls)
       : connections_(options.connections), must_hear_(options.must_hear), urls_(std::move(urls)) {}
 
@@ -520,7 +521,7 @@ class PostgresDatabase : public SqlDatabase {
     const auto connect = [this]() -> PGconn* {
       absl::StatusOr<std::unique_ptr<PostgresConnection>> opened =
           PostgresConnection::Open(urls_, &primary_, "planishd news");
-      // Messages go one at a time: none of them waits for the disk.
+      // Messages are sent one at a time, and need not wait for the disk.
       const bool ready = opened.ok() && (*opened)->Execute("SET synchronous_commit = off").ok();
       return ready ? (*opened)->Release() : nullptr;
     };
@@ -536,7 +537,7 @@ class PostgresDatabase : public SqlDatabase {
   bool outlives_process() const override { return true; }
 
  private:
-  // Within a transaction; one server at a time.
+  // Within a transaction; one process at a time.
   absl::Status SetUpJobs(PostgresConnection* connection) {
     PLANISH_RETURN_IF_ERROR(connection->Execute(absl::StrCat("SELECT pg_advisory_xact_lock(", kMigrationKey, ")")));
     PLANISH_RETURN_IF_ERROR(
@@ -557,7 +558,7 @@ class PostgresDatabase : public SqlDatabase {
     return connection->Run("UPDATE meta SET version = ?", {kVersion}).status();
   }
 
-  // Null, or one that broke, makes room for a new one. After one broke the others are likely to be broken as well.
+  // A null or broken connection makes room for a new one. After one broke, the others are probably broken as well.
   void GiveBack(std::unique_ptr<PostgresConnection> connection) {
     std::vector<std::unique_ptr<PostgresConnection>> closed;
     const std::lock_guard lock(mutex_);

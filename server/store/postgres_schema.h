@@ -1,20 +1,20 @@
-// What JobStore has in PostgreSQL beside its tables (job_schema.h).
+// What JobStore needs in PostgreSQL beside its tables (job_schema.h).
 #pragma once
 
 #include <cstdint>
 
 namespace planish {
 
-// Transactions between TakeTurn() and their ends, each of which has locked one of the tables turns_N. With four of
-// them, claims held each other up on two cores: p99 105 to 135 ms, and 63 to 122 with two
+// Number of transactions that may be between TakeTurn() and their ends; each has locked one of the tables turns_N. With
+// four, claims delayed each other on two cores: p99 105 to 135 ms, and 63 to 122 with two
 // (tests/bench/results/farm.md).
 inline constexpr std::uint64_t kTurns = 2;
 
-// Rows that are written again and again have room for their versions on their pages; those of tenants, which are
-// written all the time and read together, stay on a few pages. take_turn() is 1 with the turn, which lasts to the end
-// of the transaction, and 0 if it did not come in time. live_jobs_of() is for {with_jobs}. It is VOLATILE so that its
-// query sees what was committed before the call, which comes after the lock of the work; a join would see what there
-// was before the whole statement.
+// Pages of frequently updated rows have room for new row versions. Rows of tenants, which are updated all the time and
+// read together, stay on a few pages. take_turn() returns 1 with the lock, which lasts until the end of the
+// transaction, or 0 if it timed out. live_jobs_of() implements {with_jobs}. It is VOLATILE so that its query sees what
+// was committed before the call, which comes after the lock of the work; a join would see the state before the whole
+// statement.
 inline constexpr char kPostgresSchema[] = R"sql(
   CREATE SEQUENCE job_numbers;
   ALTER TABLE jobs SET (fillfactor = 80);

@@ -1,4 +1,4 @@
-// What JobStore answers without changing anything.
+// JobStore's read-only functions.
 
 #include <algorithm>
 #include <limits>
@@ -14,12 +14,12 @@
 namespace planish {
 namespace {
 
-// SELECT of whole jobs WHERE `condition`.
+// Selects whole jobs WHERE `condition`.
 std::string JobsWhere(const std::string& condition) {
   return absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ", condition);
 }
 
-// With a parameter for each condition, in the order of ListValues().
+// Has a parameter for each condition, in the order of ListValues().
 std::string ListSql(const JobQuery& query) {
   std::string sql =
       absl::StrCat("SELECT ", query.with_reports ? kJobColumns : kLeanJobColumns, " FROM jobs WHERE number < ?");
@@ -188,7 +188,7 @@ absl::StatusOr<QueueCounts> JobStore::Counts(const std::string& owner) {
 }
 
 absl::StatusOr<std::vector<std::pair<std::string, Wish>>> JobStore::Wishes(const std::string& owner) {
-  // Without kGoOn as a parameter: PostgreSQL would not know that the index works_by_wish has all that is wanted.
+  // kGoOn is not a parameter, or PostgreSQL would not know that the partial index works_by_wish suffices.
   static_assert(static_cast<int>(Wish::kGoOn) == 0);
   PLANISH_ASSIGN_OR_RETURN(
       const SqlRows rows,
@@ -232,7 +232,7 @@ absl::StatusOr<std::vector<v1::JobEvent>> JobStore::Events(std::int64_t number, 
 }
 
 absl::StatusOr<std::vector<JobPosition>> JobStore::Positions(const std::vector<std::int64_t>& numbers) {
-  // One statement for any number of them, which a connection prepares once.
+  // One statement for any number of jobs, so that a connection prepares it once.
   constexpr std::size_t kAtOnce = 64;
   static const std::string sql = absl::StrCat(
       "SELECT number, ended, COALESCE((SELECT max(sequence) FROM events WHERE job = number), 0) "

@@ -1,4 +1,4 @@
-// JobStore::Reap and EndOverdue: work that was lost, and jobs whose time is over.
+// JobStore::Reap and EndOverdue: lost work, and jobs past their time limits.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -17,7 +17,7 @@ absl::StatusOr<std::vector<JobChange>> JobStore::Reap(const VerbContext& context
     if (!work.running) return false;
     return sole_owner.empty() ? work.lease_until <= now : work.owner != sole_owner;
   };
-  // In the order of the index of what runs: without one PostgreSQL may walk through all that wait.
+  // Ordered by the index of running work; without an order PostgreSQL may scan all waiting work.
   const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
     PLANISH_ASSIGN_OR_RETURN(now, transaction.Now());
     if (!sole_owner.empty()) {

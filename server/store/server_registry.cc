@@ -38,7 +38,7 @@ absl::Status ServerRegistry::Announce(const ServerEntry& server, absl::Duration 
                      "version = excluded.version, until = excluded.until",
                      {std::string_view(server.name), std::int64_t{server.answers}, std::int64_t{server.workers},
                       server.memory_bytes, std::string_view(server.version), absl::ToInt64Nanoseconds(time)}));
-    // Two that forget the same rows at the same time need not wait for each other.
+    // Concurrent deletions of the same rows need not wait for each other.
     return sql.RunLater("DELETE FROM servers WHERE name IN (SELECT name FROM servers WHERE until < {now} {skip})", {});
   });
 }

@@ -1,4 +1,4 @@
-// The servers that share a store, so that each can say what all of them have.
+// The servers that share a store, so that each can report on all.
 #pragma once
 
 #include <cstdint>
@@ -15,34 +15,34 @@
 namespace planish {
 
 struct ServerEntry {
-  std::string name;               // no other server has it
-  bool answers = false;           // callers
-  int workers = 0;                // jobs that it runs at a time
-  std::int64_t memory_bytes = 0;  // that its jobs may reserve together
+  std::string name;               // unique
+  bool answers = false;           // whether it accepts callers
+  int workers = 0;                // jobs that it runs at the same time
+  std::int64_t memory_bytes = 0;  // total memory that its jobs may reserve
   std::string version;            // of planishd
 };
 
 // How far one clock is ahead of another.
 struct ClockOffset {
   absl::Duration ahead;  // negative: it is behind
-  absl::Duration error;  // that may be wrong by as much
+  absl::Duration error;  // bound of the error of `ahead`
 };
 
-// A row for each server, which ends unless it is announced again. Ends go by the database's clock. Thread-safe. Errors
-// as of SqlConnection.
+// A row for each server, which expires unless it is announced again, by the database's clock. Thread-safe. Errors as of
+// SqlConnection.
 class ServerRegistry {
  public:
   // Sets up the table. `database` (PostgreSQL; FAILED_PRECONDITION with STORE_UNFIT otherwise) outlives the object.
   // Errors of SetUpTables().
   static absl::StatusOr<std::unique_ptr<ServerRegistry>> Make(SqlDatabase* database);
 
-  // The server is there for `time` from now on. Durable later. Forgets servers whose time is over.
+  // The server is present for `time` from now on. Durable later. Deletes expired servers.
   absl::Status Announce(const ServerEntry& server, absl::Duration time);
-  // Of `clock` ahead of the database's.
+  // How far `clock` is ahead of the database's.
   absl::StatusOr<ClockOffset> Compare(const std::function<absl::Time()>& clock);
   // The server ends.
   absl::Status Withdraw(const std::string& name);
-  // Those that are there, by name. Tells the database how many (SqlDatabase::SetProcesses).
+  // The present servers, by name. Also passes their number to the database (SqlDatabase::SetProcesses).
   absl::StatusOr<std::vector<ServerEntry>> List();
 
  private:

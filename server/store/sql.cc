@@ -40,7 +40,7 @@ absl::Status TransactOnce(SqlDatabase* database, Durability durability,
 
 absl::Status Transact(SqlDatabase* database, Durability durability,
                       const std::function<absl::Status(SqlConnection&)>& body) {
-  constexpr int kMostAttempts = 8;  // what is given up may be somebody else's before it is ours
+  constexpr int kMostAttempts = 8;  // room that is freed may be taken by others first
   for (int attempt = 1;; ++attempt) {
     absl::Status status = TransactOnce(database, durability, body);
     const bool is_full = !status.ok() && ErrorInfoOf(status).reason == "STORAGE_FULL";
@@ -84,7 +84,7 @@ void RowBatch::Add(const std::vector<SqlValue>& row) {
 
 absl::Status RowBatch::Send(SqlConnection* sql, std::deque<SqlRows>* answers) {
   for (std::size_t begin = 0, count = 0; begin < rows_.size(); begin += count) {
-    // Few different numbers: each is a statement that is prepared.
+    // Few different numbers of rows, since each needs a prepared statement.
     count = std::bit_floor(std::min(rows_.size() - begin, most_));
     std::vector<SqlValue> values;
     for (std::size_t i = begin; i < begin + count; ++i) values.insert(values.end(), rows_[i].begin(), rows_[i].end());

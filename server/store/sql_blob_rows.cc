@@ -35,7 +35,7 @@ absl::StatusOr<bool> SqlBlobRows::Remove(const BlobId& id) {
   bool used = false;
   const absl::Status status = Transact(&database_, Durability::kLater, [&](SqlConnection& sql) -> absl::Status {
     const std::vector<SqlValue> key = {std::string_view(id.tenant), SqlBytes{id.sha256}};
-    // Whoever commits a record that refers to the blob writes its row in the same transaction: one waits for the other.
+    // A transaction that commits a record with this blob writes the blob's row as well, so the two wait for each other.
     PLANISH_RETURN_IF_ERROR(sql.Run("SELECT 1 FROM blobs WHERE tenant = ? AND sha256 = ? {lock}", key).status());
     PLANISH_ASSIGN_OR_RETURN(used, UsesBlobRow(&sql, id));
     return used ? absl::OkStatus() : sql.RunLater("DELETE FROM blobs WHERE tenant = ? AND sha256 = ?", key);

@@ -1,4 +1,4 @@
-// Small blobs, as rows beside those of the jobs that refer to them.
+// Small blobs as rows of the database of the jobs that refer to them.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Blobs as rows of PostgreSQL: a farm then needs nothing beside its database.
+// Blobs as rows of PostgreSQL, so that a farm needs nothing beside its database.
 #pragma once
 
 #include <functional>
@@ -15,7 +15,7 @@
 namespace planish {
 
 // A blob is a row of `stored_blobs` and chunks of up to 256 KiB in `blob_chunks`, written in one transaction. A number
-// that is never used again ties them together, so a reader never mixes chunks of two blobs. Ages go by the database's
+// that is never used again connects them, so a reader never mixes chunks of two blobs. Ages are by the database's
 // clock.
 class SqlBlobStore : public BlobStore {
  public:

@@ -19,15 +19,15 @@
 namespace planish {
 
 struct SqlUploadsOptions {
-  // By which uploads grow old. Null: the database's own clock.
+  // The clock of upload ages. Null: the database's own.
   std::function<absl::Time()> clock;
 };
 
-// Each piece that a writer sent is a blob of the pseudo-tenant "TENANT.parts": a line that says whose it is, so that no
-// two pieces are the same blob, and the bytes. The rows of an upload say which pieces count. A writer that comes back
-// late, after another one took over, may write a blob but no row; such blobs go as UsesPart() says.
+// Each piece that a writer sent is a blob of the pseudo-tenant "TENANT.parts": a line that identifies the piece, so
+// that no two pieces are the same blob, and the bytes. The rows of an upload say which pieces count. A writer that was
+// replaced may still write a blob, but no row; UsesPart() tells that such blobs are garbage.
 //
-// The pieces are put together at the end in the memory of one server, one upload at a time.
+// At the end one server assembles the pieces in memory, one upload at a time.
 class SqlUploads : public UploadPlace {
  public:
   // Sets up the tables. `database` (PostgreSQL; FAILED_PRECONDITION with STORE_UNFIT otherwise) and `blobs`, which all
@@ -47,7 +47,7 @@ class SqlUploads : public UploadPlace {
   absl::Status Undo(const UploadState& state, const UploadPiece& piece) override;
   absl::Status Finish(const UploadState& state, const UploadPiece& piece, BlobCatalog* blobs) override;
 
-  // Whether a blob is a piece, and whether it counts: for CollectBlobs() on the store of all blobs.
+  // Whether a blob is a piece, and whether an upload uses it: for CollectBlobs() on the store of all blobs.
   static bool IsPart(const BlobId& id);
   absl::StatusOr<bool> UsesPart(const BlobId& id);
 
@@ -56,7 +56,7 @@ class SqlUploads : public UploadPlace {
       : database_(database), blobs_(blobs), options_(std::move(options)) {}
 
   absl::StatusOr<absl::Time> Now(SqlConnection& sql) const;
-  // The rows' pieces, in order; they are removed if `take`.
+  // The pieces of an upload's rows, in order; deletes the rows if `take`.
   static absl::StatusOr<std::vector<UploadPiece>> PiecesOf(SqlConnection& sql, const std::string& id, std::int64_t from,
                                                            bool take);
   void RemoveBlobs(const std::string& tenant, const std::vector<UploadPiece>& pieces);
@@ -64,7 +64,7 @@ class SqlUploads : public UploadPlace {
   SqlDatabase* const database_;
   BlobStore* const blobs_;
   const SqlUploadsOptions options_;
-  std::mutex finishing_;  // held by whoever has all bytes of an upload in memory
+  std::mutex finishing_;  // held while all bytes of an upload are in memory
 };
 
 }  // namespace planish

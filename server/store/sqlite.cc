@@ -23,7 +23,7 @@ void Statement::Finalizer::operator()(sqlite3_stmt* statement) const {
   sqlite3_finalize(statement);
 }
 
-// Binding fails for want of memory only; Step() then says so, as the parameter stays null.
+// Binding fails only without memory. Step() reports that, as the parameter stays null.
 Statement& Statement::Bind(std::int64_t value) {
   sqlite3_bind_int64(statement_.get(), ++bound_, value);
   return *this;

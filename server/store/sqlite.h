@@ -1,4 +1,4 @@
-// SQLite with statuses and without leaks.
+// A wrapper of SQLite with statuses and ownership.
 #pragma once
 
 #include <cstdint>
@@ -14,26 +14,27 @@ struct sqlite3_stmt;
 
 namespace planish {
 
-// A compiled statement. Use: Bind() all parameters in order, Step() until it says false, Reset(). Not thread-safe.
+// A compiled statement. Bind() all parameters in order, call Step() until it returns false, then Reset(). Not
+// thread-safe.
 class Statement {
  public:
   Statement() = default;
 
-  // The next parameter; text and blobs are copied.
+  // Bind the next parameter; text and blobs are copied.
   Statement& Bind(std::int64_t value);
   Statement& BindText(std::string_view value);
   Statement& BindBlob(std::string_view value);
   Statement& BindNull();
 
-  // Whether there is a row. Errors: RESOURCE_EXHAUSTED with STORAGE_FULL where the disk is full, INTERNAL otherwise.
+  // Whether there is another row. Errors: RESOURCE_EXHAUSTED with STORAGE_FULL if the disk is full, INTERNAL otherwise.
   absl::StatusOr<bool> Step();
-  // Columns of the present row, from 0.
+  // Columns of the current row, from 0.
   std::int64_t Int(int column) const;
   std::string Bytes(int column) const;
   bool IsInt(int column) const;
   int columns() const;
 
-  // Ready to be bound again.
+  // Prepares for new parameters.
   void Reset();
 
   // Steps to the end, for statements without rows, and resets.
@@ -51,7 +52,7 @@ class Statement {
 // One connection. Not thread-safe.
 class Database {
  public:
-  // `path` is created if need be; ":memory:" lives as long as the object.
+  // Creates `path` if needed; ":memory:" lives as long as the object.
   static absl::StatusOr<Database> Open(const std::string& path);
 
   absl::Status Execute(const char* sql);

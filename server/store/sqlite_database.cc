@@ -1,4 +1,4 @@
-// SQLite as a SqlDatabase: the version of its tables, and who may use which connection.
+// SQLite as a SqlDatabase: the version of its tables, and its connections.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -25,10 +25,10 @@ namespace {
 // PRAGMA user_version of a file with the tables of job_schema.h.
 constexpr std::int64_t kVersion = 1;
 
-// FULL: a commit syncs the log before it returns, so that what a caller is told outlives a loss of power. Writes that
-// may be lost with the power and are then made again (deletions) run with NORMAL: Begin().
+// FULL: a commit syncs the log before it returns, so that what callers were told survives a loss of power. Writes that
+// may be lost and are then repeated (deletions) run with NORMAL: see Begin().
 //
-// auto_vacuum: as GiveBackPages() wants it; only a new file takes it.
+// auto_vacuum: for GiveBackPages(); takes effect only in a new file.
 constexpr char kPragmas[] =
     "PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; "
     "PRAGMA busy_timeout = 10000";
@@ -42,14 +42,14 @@ std::int64_t LogPages(const std::string& path) {
   return static_cast<std::int64_t>(std::clamp<std::uintmax_t>(pages, 16, 4000));
 }
 
-// Free pages that a database keeps, and those that it gives back to the file system at once.
+// Free pages that a database keeps, and those that it returns to the file system at once.
 constexpr std::int64_t kMostFreePages = 1024;
 constexpr char kGiveBackPages[] = "PRAGMA incremental_vacuum(256)";
 
 // The path of a database without a file.
 constexpr std::string_view kInMemory = ":memory:";
 
-// Statements that a connection keeps prepared; filters of lists make new ones without end.
+// Statements that a connection keeps prepared. Filters of lists make an unlimited number of statements.
 constexpr std::size_t kMostStatements = 200;
 
 std::string SqliteWord(std::string_view word) {
@@ -62,7 +62,7 @@ std::string SqliteWord(std::string_view word) {
   if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
   if (word == "now" || word == "elapsed") return "0";
-  return "";  // a writer has the database to itself
+  return "";  // a writer has the database for itself
 }
 
 class SqliteConnection : public SqlConnection {
@@ -88,7 +88,7 @@ class SqliteConnection : public SqlConnection {
     if (has_file_ && durability_ == Durability::kLater) GiveBackPages();
     return absl::OkStatus();
   }
-  // An error where nothing was begun, or where SQLite rolled back by itself, says nothing new.
+  // Fails only if there is no transaction, or SQLite has rolled back already.
   void Rollback() override { Run("ROLLBACK", {}).status().IgnoreError(); }
   absl::Status Serialize(const std::vector<std::string>&) override { return absl::OkStatus(); }
   absl::StatusOr<bool> TrySerialize(std::string_view) override { return true; }
@@ -132,11 +132,11 @@ class SqliteConnection : public SqlConnection {
   }
 
  private:
-  // After deletions. An error leaves the pages to be used again.
+  // Call after deletions. After an error the free pages are reused later.
   void GiveBackPages() {
     const absl::StatusOr<SqlRows> free = Run("PRAGMA freelist_count", {});
     if (!free.ok() || free->Int(0, 0) <= kMostFreePages || !Run(kGiveBackPages, {}).ok()) return;
-    Run("PRAGMA wal_checkpoint(PASSIVE)", {}).status().IgnoreError();  // the file gets shorter
+    Run("PRAGMA wal_checkpoint(PASSIVE)", {}).status().IgnoreError();  // shortens the file
   }
 
   SqliteConnection(Database database, bool has_file) : database_(std::move(database)), has_file_(has_file) {}
@@ -144,7 +144,7 @@ class SqliteConnection : public SqlConnection {
   Database database_;
   const bool has_file_;
   std::unordered_map<std::string, Statement> statements_;
-  Durability durability_ = Durability::kNow;  // of the present setting
+  Durability durability_ = Durability::kNow;  // of the current setting
 };
 
 absl::StatusOr<std::int64_t> SchemaVersion(SqliteConnection* connection) {
@@ -169,7 +169,7 @@ absl::Status SetUp(const std::string& path, SqliteConnection* connection) {
   return status;
 }
 
-// A lock that is taken in the order in which it was asked for. std::mutex favours the thread that gave it back.
+// A lock that is granted in the order of requests. std::mutex favours the thread that released it.
 class FairMutex {
  public:
   void lock() {
@@ -190,8 +190,8 @@ class FairMutex {
   std::uint64_t next_ = 0, served_ = 0;
 };
 
-// Some connections: SQLite has one writer at a time, and those who only read need not wait for it. A database that
-// lives in memory has one connection, as another could not see it.
+// A pool of connections: SQLite allows one writer at a time, and readers need not wait for it. A database in memory has
+// one connection, as others could not see it.
 class SqliteDatabase : public SqlDatabase {
  public:
   static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path,
@@ -229,7 +229,7 @@ class SqliteDatabase : public SqlDatabase {
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
   bool is_shared() const override { return false; }
-  // First the log, which has many versions of few pages; writing them where they belong may take a little room.
+  // First shortens the log, which has many versions of few pages. Copying them to their places may need a little room.
   bool GiveUpReserve() override {
     if (give_up_reserve_ == nullptr) return false;
     if (ShortenLog()) return true;
@@ -246,7 +246,7 @@ class SqliteDatabase : public SqlDatabase {
   };
   static constexpr std::size_t kReaders = 3;
 
-  // Whether that gave room.
+  // Returns whether that freed room.
   bool ShortenLog() {
     const std::lock_guard lock(writer_.mutex);
     const std::int64_t before = LogBytes();
@@ -264,7 +264,7 @@ class SqliteDatabase : public SqlDatabase {
   std::string id_;
   std::function<bool()> give_up_reserve_;
   Place writer_;
-  std::array<Place, kReaders> readers_;  // null in memory
+  std::array<Place, kReaders> readers_;  // null for a database in memory
   std::atomic<std::size_t> next_reader_ = 0;
 };
 
@@ -272,7 +272,7 @@ class SqliteDatabase : public SqlDatabase {
 
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path,
                                                                 std::function<bool()> give_up_reserve) {
-  // Opening writes, too: what was left to do when the server before ended.
+  // Opening writes, too: it completes what the last process left undone.
   for (;;) {
     absl::StatusOr<std::unique_ptr<SqlDatabase>> database = SqliteDatabase::Open(path, give_up_reserve);
     if (database.ok() || ErrorInfoOf(database.status()).reason != "STORAGE_FULL") return database;

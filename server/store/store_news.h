@@ -1,4 +1,4 @@
-// How changes become known to whoever waits for them, in this process and in others.
+// Notifies listeners in this process and others of changes.
 #pragma once
 
 #include <functional>
@@ -13,14 +13,14 @@
 
 namespace planish {
 
-// Functions to call, each as long as somebody holds its subscription. Thread-safe; a function must not drop its own
+// Functions to call, each until its subscription is dropped. Thread-safe; a function must not drop its own
 // subscription.
 template <class Message>
 class Listeners {
  public:
   using Listener = std::function<void(const Message&)>;
 
-  // Dropping the subscription waits for a call that is under way.
+  // Dropping the subscription waits for a running call.
   [[nodiscard]] std::shared_ptr<void> Add(Listener listener) {
     auto entry = std::make_shared<Entry>();
     entry->listener = std::move(listener);
@@ -33,7 +33,7 @@ class Listeners {
     });
   }
 
-  // On this thread.
+  // Calls the functions on this thread.
   void Call(const Message& message) const {
     std::vector<std::shared_ptr<Entry>> entries;
     {
@@ -57,8 +57,8 @@ class Listeners {
   std::vector<std::weak_ptr<Entry>> entries_;  // guarded by mutex_
 };
 
-// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, names of jobs, and after "=" names
-// of work.
+// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, names of jobs, and names of work
+// after "=".
 std::string EncodeNews(const StoreNews& news);
 StoreNews DecodeNews(std::string_view message);
 

@@ -1,4 +1,4 @@
-// Where uploads are until they are complete: what is known of each, and the bytes that have come.
+// Where incomplete uploads are stored: the state of each, and its bytes so far.
 #pragma once
 
 #include <cstdint>
@@ -19,79 +19,79 @@ struct UploadState {
   std::string id;
   std::string tenant;
   std::int64_t total_bytes = 0;
-  std::string sha256;                // of all of them
-  std::int64_t committed_bytes = 0;  // that have come
+  std::string sha256;                // of all bytes
+  std::int64_t committed_bytes = 0;  // received so far
   bool complete = false;             // the bytes are a blob
   absl::Time used;
-  std::int64_t writer = 0;       // fencing token of the writer at it, 0: none
-  std::int64_t last_writer = 0;  // the token given last; the next one is greater
-  bool appending = false;        // the writer is within an append; false where UploadPlace::knows_writers() is
+  std::int64_t writer = 0;       // fencing token of the current writer, 0: none
+  std::int64_t last_writer = 0;  // the last token; the next one is greater
+  bool appending = false;        // whether the writer is appending; always false unless UploadPlace::knows_writers()
 
   BlobId Blob() const { return {tenant, sha256}; }
 };
 
-// Bytes that were written and do not count yet.
+// Bytes that were written but do not count yet.
 struct UploadPiece {
   std::int64_t offset = 0;
   std::int64_t bytes = 0;
-  std::string blob_sha256;  // of the blob that holds them, where they are one
+  std::string blob_sha256;  // of the blob that holds them, if they are a blob
 };
 
-// Uploads of one server, or of many that share the place. Thread-safe. Errors of all functions, beside those that they
-// name: of BlobStore and of SqlConnection.
+// Uploads of one server, or of several that share the place. Thread-safe. Errors of all functions, beside those that
+// they list: of BlobStore and of SqlConnection.
 class UploadPlace {
  public:
-  // What is to become of an upload at `now`, by the clock of the place. It stays as it was after an error. May be
-  // called more than once; calls nothing of the place.
+  // Decides what an upload becomes at `now`, by the clock of the place. After an error the upload is unchanged. May be
+  // called more than once; must not call the place.
   using ChangeState = std::function<absl::Status(UploadState* state, absl::Time now)>;
-  // Whether there is room for one more beside `others`.
+  // Whether there is room for another upload beside `others`.
   using Admit = std::function<absl::Status(const std::vector<UploadState>& others)>;
 
   virtual ~UploadPlace() = default;
 
-  // Finds what an earlier process left. Before any other call. Complete uploads stay if `has_blob` is true of theirs.
+  // Finds what an earlier process left. Call first. Complete uploads are kept if `has_blob` is true for their blobs.
   virtual absl::Status Open(const std::function<bool(const BlobId& id)>& has_blob) = 0;
 
-  // Whether the place belongs to this process, so that UploadState::appending is true only while somebody appends.
+  // Whether only this process uses the place, so that UploadState::appending is reliable.
   virtual bool knows_writers() const = 0;
 
   struct Added {
     UploadState state;
-    bool created = false;  // false: there was one with this id already, `state`
+    bool created = false;  // false: an upload with this id existed; it is `state`
   };
-  // Adds an upload, used now, unless `admit` refuses; durable when the function returns.
+  // Adds an upload, last used now, unless `admit` refuses; durable when the function returns.
   virtual absl::StatusOr<Added> Add(UploadState fresh, const Admit& admit) = 0;
 
   virtual absl::StatusOr<std::optional<UploadState>> Find(const std::string& id) = 0;
   virtual absl::StatusOr<std::vector<UploadState>> List() = 0;
-  // Whether an upload stands for, or is to become, this blob.
+  // Whether an upload is, or will become, this blob.
   virtual absl::StatusOr<bool> Uses(const BlobId& id) = 0;
 
-  // Changes the upload, and nobody else changes it meanwhile; whether there is one. `piece`, unless it is null, counts
-  // from now on. What is complete is durable when the function returns. If committed_bytes become fewer, the bytes from
-  // there on are gone.
+  // Changes the upload; no other change runs meanwhile. Returns whether the upload exists. `piece`, unless null, counts
+  // from now on. A change to complete is durable when the function returns. If committed_bytes decreases, the bytes
+  // from there on are dropped.
   virtual absl::StatusOr<bool> Change(const std::string& id, const ChangeState& change,
                                       const UploadPiece* piece = nullptr) = 0;
 
   // Removes the upload and its bytes, but not its blob. `if_unused`: only if it was not used since `state` was read.
   virtual absl::Status Erase(const UploadState& state, bool if_unused) = 0;
 
-  // ---- for the writer `state.writer`, one call at a time; `state` is what the last Change() made
+  // ---- for the writer `state.writer`, one call at a time; `state` is the result of the last Change()
 
-  // Writes `data`, which goes on where state.committed_bytes end: all of it or, after an error, nothing.
+  // Writes `data` at state.committed_bytes: all of it or, after an error, nothing.
   virtual absl::StatusOr<UploadPiece> Write(const UploadState& state, std::string_view data) = 0;
-  // Takes back what was written last.
+  // Undoes the last Write().
   virtual absl::Status Undo(const UploadState& state, const UploadPiece& piece) = 0;
-  // With the last piece written: makes the bytes a blob, which outlives the process and a loss of power, and the upload
+  // With the last piece written: makes the bytes a blob that survives the process and a loss of power, and the upload
   // complete after a restart. INVALID_ARGUMENT with DIGEST_MISMATCH; OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH
-  // ("committed_bytes") if bytes from there on were lost and have to come again.
+  // ("committed_bytes") if bytes from there on were lost and must be sent again.
   virtual absl::Status Finish(const UploadState& state, const UploadPiece& piece, BlobCatalog* blobs) = 0;
 };
 
-// As planish.v1 has it: "uploads/ID".
+// The name in planish.v1: "uploads/ID".
 std::string UploadName(const std::string& id);
 
-// Errors of several parts.
+// Errors that several parts return.
 absl::Status UploadNotFound(const std::string& name);
 absl::Status UploadDigestMismatch(const UploadState& state, const std::string& digest);
 absl::Status UploadOffsetMismatch(const UploadState& state, std::int64_t committed_bytes, const std::string& message);

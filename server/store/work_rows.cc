@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// RecentAccounts.
+// For RecentAccounts.
 constexpr std::int64_t kLongQueue = 1000;
 constexpr std::chrono::milliseconds kRecent(100);
 

@@ -72,7 +72,7 @@ class RecentAccounts {
   bool is_long_ = false;  // whether the queue was long
 };
 
-// Forgets received time, once there is no work at all.
+// Clears received time if there is no work at all.
 absl::Status BeginAnew(SqlConnection* sql);
 
 }  // namespace planish

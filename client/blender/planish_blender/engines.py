@@ -1,4 +1,4 @@
-"""Two ways to have a mesh unwrapped: the Python package, and the command. Nothing here knows Blender."""
+"""Two engines that unwrap a mesh: the Python package and the command. Nothing here uses Blender."""
 
 import importlib
 import importlib.util
@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-#: Unwraps that are under way at a time.
+#: Maximal number of unwraps that run at the same time.
 MOST_AT_A_TIME = 4
-#: In the order in which a job has them.
+#: In the order of a job.
 STAGES = ("decode", "charts", "solve", "layout", "pack", "verify", "encode")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Which server, how to get there, and who calls."""
+    """Which server to use, and how to connect to it."""
 
     where: str = "AUTO"  # or "PRIVATE", "SERVER"
     address: str = ""
@@ -39,8 +39,8 @@ class Settings:
 
 
 class Options:
-    """Of an unwrap, by the names of planish.UnwrapOptions, which are those of the command's flags. What is left out has the
-    server's default."""
+    """Options of an unwrap, named as in planish.UnwrapOptions and the command's flags. Options that are left out have the server's
+    default."""
 
     def __init__(self, seams="auto", **others):
         self.seams = seams
@@ -57,11 +57,11 @@ class Outcome:
     charts: int
     stretch: float
     efficiency: float
-    warnings: list  # of sentences
+    warnings: list  # as sentences
 
 
 class Failed(Exception):
-    """An unwrap that brought no UV. Elements are those of the arrays that were given."""
+    """A failed unwrap. Element ids refer to the caller's arrays."""
 
     def __init__(self, message, reason="", faces=(), edges=(), vertices=()):
         super().__init__(message)
@@ -91,7 +91,7 @@ class Progress:
 
 
 def engine(settings):
-    """The way that goes here, as a function start(sheet, options) -> call. Raises Failed if there is none."""
+    """The available engine, as a function start(sheet, options) -> call. Raises Failed if there is none."""
     if settings.where == "SERVER" and not settings.address:
         raise Failed("The preferences of the add-on ask for a server at an address, but name none")
     named = _named_server(settings)
@@ -114,7 +114,7 @@ def engine(settings):
 
 
 def _named_server(settings):
-    """The address of the server that is asked for; empty: a private one."""
+    """The address of the chosen server; empty: a private one."""
     if settings.where == "PRIVATE":
         return ""
     return settings.address if settings.where == "SERVER" else os.environ.get("PLANISH_SERVER", "")
@@ -133,7 +133,7 @@ class _NoPackage(Exception):
 
 
 def _package():
-    """The package `planish` that this Python has, or the one that came with the add-on."""
+    """The installed package `planish`, or the add-on's own."""
     had_alias = "__mp_main__" in sys.modules
     try:
         try:
@@ -146,14 +146,14 @@ def _package():
     except Exception as error:  # grpcio is missing, or does not go with protobuf
         raise _NoPackage(str(error)) from error
     finally:
-        # The import of multiprocessing gives __main__ this second name. In a script Blender frees __main__ at its end, and
-        # crashes when it looks at all modules before it quits.
+        # Importing multiprocessing gives __main__ this second name. Blender frees __main__ at the end of a script, and
+        # would crash when it visits all modules before it quits.
         if not had_alias:
             sys.modules.pop("__mp_main__", None)
 
 
 def _own_command():
-    """The command that the package brings in its wheel for Linux; it works without grpcio."""
+    """The command in the package's wheel for Linux; it works without grpcio."""
     spec = importlib.util.find_spec("planish")
     path = os.path.join(os.path.dirname(spec.origin), "_programs.py") if spec and spec.origin else ""
     if not os.path.isfile(path):
@@ -163,8 +163,8 @@ def _own_command():
     return module.own_program("planish")
 
 
-_clients = {}  # of what they were made from
-_servers = {}  # private ones, of the program
+_clients = {}  # by their settings
+_servers = {}  # private ones, by their program
 
 
 def _private_server(package, program):
@@ -206,7 +206,7 @@ def close():
 
 
 class _PackageCall:
-    """An unwrap by the package, on a thread of its own."""
+    """An unwrap by the package, on its own thread."""
 
     def __init__(self, client, sheet, options):
         self.sheet = sheet
@@ -244,7 +244,7 @@ class _PackageCall:
         try:
             self._call.cancel()
         except self._package.Error:
-            pass  # the call itself says what became of it
+            pass  # the call itself reports its outcome
 
     def result(self):
         try:
@@ -269,7 +269,7 @@ class _PackageCall:
 
 
 class _CommandCall:
-    """An unwrap by the command: a process that reads a file and writes one, in a directory of its own."""
+    """An unwrap by the command: a process that reads a file and writes one, in its own directory."""
 
     def __init__(self, command, settings, sheet, options):
         self.sheet = sheet
@@ -298,7 +298,7 @@ class _CommandCall:
         faces = sheet.triangles
         with open(self._path("mesh.obj"), "w", encoding="ascii") as file:
             file.write("v %.9g %.9g %.9g\n" * len(sheet.positions) % tuple(sheet.positions.reshape(-1).tolist()))
-            # Each corner gets the number of its loop as the index of its normal. The command writes these indices out again.
+            # Each corner gets the number of its loop as the index of its normal, which the command writes out again.
             loop = 0
             for total in sheet.loop_total.tolist():
                 corners = range(loop, loop + total)
@@ -342,7 +342,7 @@ class _CommandCall:
             try:
                 progress = json.loads(line).get("progress")
             except ValueError:
-                continue  # the end of a line that was cut
+                continue  # the end of a truncated line
             if progress:
                 self.progress = Progress(**{name: progress[name] for name in Progress.__dataclass_fields__})
 
@@ -360,7 +360,7 @@ class _CommandCall:
             return False
 
     def cancel(self):
-        """As Ctrl-C: the command cancels its job on the server."""
+        """Like Ctrl-C: the command cancels its job on the server."""
         self._cancelled = True
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
@@ -442,7 +442,7 @@ class Batch:
     start: Any  # of engine()
     sheets: list
     options: Options
-    outcomes: list = field(default_factory=list)  # (sheet, Outcome or Failed), as they end
+    outcomes: list = field(default_factory=list)  # (sheet, Outcome or Failed), in the order of their ends
     cancelled: bool = False
 
     def __post_init__(self):
@@ -450,7 +450,7 @@ class Batch:
         self._running = []
 
     def step(self):
-        """Takes what has ended and starts what is next; whether all is over."""
+        """Collects ended unwraps and starts the next ones; returns whether all have ended."""
         for call in [call for call in self._running if call.done()]:
             self._running.remove(call)
             try:
@@ -467,7 +467,7 @@ class Batch:
         return not self._running and (self.cancelled or not self._waiting)
 
     def wait(self, seconds):
-        """Until the oldest call has ended, or so long."""
+        """Waits until the oldest call has ended, at most this long."""
         if self._running:
             self._running[0].wait(seconds)
 

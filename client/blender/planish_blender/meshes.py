@@ -1,4 +1,4 @@
-"""From Blender's meshes to arrays of triangles, and UV back to the loops of polygons."""
+"""Converts Blender's meshes to arrays of triangles, and UV back to loops of polygons."""
 
 import math
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ import bmesh
 import bpy
 import numpy as np
 
-#: UV of one vertex that are further apart belong to two islands.
+#: UV of one vertex that differ by more belong to different islands.
 _UV_GAP = 1e-5
-#: Elements that a message names.
+#: Maximal number of elements in a message.
 _MOST_NAMED = 4
 
 
 class Unusable(Exception):
-    """A mesh that cannot be unwrapped as it is; the message is for people."""
+    """A mesh that cannot be unwrapped; the message is for people."""
 
 
 @dataclass
@@ -28,8 +28,8 @@ class Part:
     loops: Any  # (F, 3) loops of the mesh
     polygon: Any  # (F,) polygons of the mesh, ascending
     loop_vertex: Any  # (L,) vertex of each loop
-    loop_total: Any  # (P,) loops of each polygon, which follow each other
-    seam_corners: Any  # that face an edge which the user wants cut
+    loop_total: Any  # (P,) loops of each polygon, which are consecutive
+    seam_corners: Any  # that face an edge which the user wants to cut
     loop_count: int
 
 
@@ -46,7 +46,7 @@ def read(object, sources):
     if object.mode != "EDIT":
         return _read(object, object.data, sources)
     object.update_from_editmode()
-    copy = object.data.copy()  # one that is being edited hides its UV
+    copy = object.data.copy()  # while a mesh is edited, Blender hides its UV
     try:
         return _read(object, copy, sources)
     finally:
@@ -87,7 +87,7 @@ def _next_loop(mesh):
 
 
 def _scaled(object, positions):
-    """As the object stands in the scene, but for its place. What is mirrored there keeps its own orientation."""
+    """Positions as in the scene, except for the translation. Mirrored objects keep their own orientation."""
     matrix = np.array(object.matrix_world.to_3x3(), np.float64)
     determinant = np.linalg.det(matrix)
     if determinant == 0 or not np.isfinite(determinant) or np.array_equal(matrix, np.eye(3)):
@@ -137,7 +137,7 @@ def _seam_edges(object, mesh, sources, loop_vertex, loop_edge, after):
 
 
 def _differs(value, loop_edge, edges, gap):
-    """The edges at which some loops have values, (L, N), that are further apart than `gap`."""
+    """The edges at which values of loops, (L, N), differ by more than `gap`."""
     order = np.argsort(loop_edge, kind="stable")
     sorted_edge = loop_edge[order]
     starts = np.flatnonzero(np.r_[True, sorted_edge[1:] != sorted_edge[:-1]])
@@ -152,7 +152,7 @@ def _differs(value, loop_edge, edges, gap):
 
 
 class Sheet:
-    """The parts that share an atlas: one mesh on the way to the server."""
+    """The parts that share an atlas, sent as one mesh."""
 
     def __init__(self, parts):
         self.parts = parts
@@ -177,8 +177,8 @@ class Sheet:
         return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
     def write(self, uv):
-        """Puts UV, (F, 3, 2), into the active layers. The names of objects that were changed meanwhile are left out, and returned;
-        with them the number of polygons whose corners would need several UV each."""
+        """Puts UV, (F, 3, 2), into the active layers. Skips objects that were changed meanwhile and returns their
+        names; with them the number of polygons whose corners would need several UV each."""
         changed, torn = [], 0
         for part, begin, end in zip(self.parts, self._first_face, self._first_face[1:]):
             of_loop = np.zeros((part.loop_count, 2), np.float32)
@@ -200,7 +200,7 @@ class Sheet:
         return p, int(vertex - self._first_vertex[p])
 
     def places(self, faces, edges, vertices):
-        """The first few of these elements in words, numbered as in Blender; empty if there are none."""
+        """Lists the first few of these elements, numbered as in Blender; may be empty."""
 
         def number(p, *elements):
             own = "-".join(map(str, elements))
@@ -216,7 +216,7 @@ class Sheet:
         return ", ".join(words[:_MOST_NAMED]) + (", ..." if len(words) > _MOST_NAMED else "")
 
     def select(self, faces, edges, vertices):
-        """Selects these elements and nothing else in the objects of this sheet. Whether there were any."""
+        """Selects only these elements in the objects of this sheet. Returns whether there were any."""
         found = [([], [], []) for _ in self.parts]
         for face in faces:
             p, polygon = self.polygon_of(face)

@@ -7,7 +7,7 @@ from . import engines, meshes
 from .preferences import settings
 
 _POLL_SECONDS = 0.1
-#: What may be done to the view while an unwrap runs; the meshes must stay as they are.
+#: View operations that are allowed while an unwrap runs; meshes must not change.
 _VIEW_EVENTS = ("MIDDLEMOUSE", "WHEEL", "MOUSEMOVE", "TRACKPAD", "MOUSEROTATE", "NUMPAD_", "NDOF", "WINDOW_", "TIMER")
 
 
@@ -126,7 +126,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             manager.progress_end()
         return self._end(context)
 
-    # For people: Blender goes on meanwhile.
+    # For interactive use: Blender continues meanwhile.
 
     def invoke(self, context, _event):
         if bpy.app.background:
@@ -156,7 +156,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         return result
 
     def cancel(self, context):
-        """Blender loads another file, or ends."""
+        """Called when Blender loads another file, or quits."""
         self._batch.cancel()
         self._hide(context)
 
@@ -167,7 +167,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)
 
-    # What both have in common
+    # Shared by both
 
     def _begin(self, context):
         try:
@@ -228,7 +228,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
 
 
 def _objects(context):
-    """The meshes to be unwrapped: those in edit mode, else those selected; each mesh once."""
+    """The meshes to unwrap: those in edit mode, else the selected ones; each mesh once."""
     if context.mode == "EDIT_MESH":
         objects = context.objects_in_mode_unique_data
     else:
@@ -241,7 +241,7 @@ def _objects(context):
 
 
 def _show_selection(context, error):
-    """In edit mode, which shows what is selected, where a person is there to see it."""
+    """Shows the selected elements: switches to edit mode, unless Blender runs in the background."""
     context.tool_settings.mesh_select_mode = (bool(error.vertices), bool(error.edges), not error.vertices and not error.edges)
     if context.mode == "OBJECT" and not bpy.app.background and context.object is not None:
         bpy.ops.object.mode_set(mode="EDIT")

@@ -1,4 +1,4 @@
-"""Where the add-on finds a server, and who it says that it is."""
+"""Settings of the add-on: the server and the credentials."""
 
 import bpy
 
@@ -59,7 +59,7 @@ class PlanishPreferences(bpy.types.AddonPreferences):
 
 
 def settings(context):
-    """What the user has chosen; the defaults where the add-on was registered without being enabled."""
+    """The user's settings; the defaults if the add-on was registered without being enabled."""
     addon = context.preferences.addons.get(__package__)
     chosen = addon.preferences if addon is not None else None
     if chosen is None:

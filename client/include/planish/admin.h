@@ -1,8 +1,8 @@
-// For operators of a planish server: what it is doing, with what configuration, and the way down.
+// For operators of a planish server: statistics, configuration, and draining.
 //
 //   planish::AdminClient admin("farm:7741");
-//   admin.Drain();                                  // the server is not ready, and takes no new jobs
-//   while (!admin.GetStats().IsIdle()) ...          // those it has go on
+// the server is not ready, and takes no new jobs
+// its jobs continue
 #pragma once
 
 #include <chrono>
@@ -25,32 +25,31 @@ struct ServerStats {
   std::string version;
   std::chrono::system_clock::time_point start_time;
   bool draining = false;
-  int workers = 0;        // jobs that may run at a time
-  int workers_ready = 0;  // for them, idle or with a job
-  int queued = 0;         // jobs that wait
-  int running = 0;        // jobs that run or are being stopped
-  // Memory that running jobs reserve, and may reserve together.
+  int workers = 0;        // jobs that may run at the same time
+  int workers_ready = 0;  // idle or with a job
+  int queued = 0;         // waiting jobs
+  int running = 0;        // running jobs, including those being stopped
+  // Memory reserved by running jobs, and the limit of that.
   std::int64_t reserved_memory_bytes = 0, memory_bytes = 0;
-  // Meshes and UV that are kept, and that may be.
+  // Stored meshes and UV, and the limit of that.
   std::int64_t stored_bytes = 0, store_bytes = 0;
-  Seconds oldest_wait{0};       // of the job that waits longest; 0 if none waits
+  Seconds oldest_wait{0};       // of the job that has waited longest; 0 if no job waits
   std::vector<Tenant> tenants;  // by name
 
   bool IsIdle() const { return queued == 0 && running == 0; }
 };
 
 struct ServerConfig {
-  // In the form of planishd's configuration file, with where each value comes from as a comment.
+  // As a configuration file of planishd, with the source of each value as a comment.
   std::string yaml;
-  std::chrono::system_clock::time_point load_time;  // when it was read last
+  std::chrono::system_clock::time_point load_time;  // when it was last read
 };
 
 // A connection to one server. Movable; all calls are thread-safe. They throw planish::Error, with RIGHT_MISSING
-// (kPermissionDenied) for callers without the right "admin", and are made once each: repeating them is the caller's
-// choice.
+// (kPermissionDenied) for callers without the right "admin". Calls are not retried; the caller may repeat them.
 class AdminClient {
  public:
-  // `target`: "host:port" or "unix:/path". Of the options those about the connection count.
+  // `target`: "host:port" or "unix:/path". Only the options of the connection are used.
   explicit AdminClient(const std::string& target, const ClientOptions& options = {});
   AdminClient(AdminClient&&) = default;
   AdminClient& operator=(AdminClient&&) = default;
@@ -58,10 +57,10 @@ class AdminClient {
   // The constructor without exceptions. As in Client, calls with std::nothrow throw nothing.
   static Result<AdminClient> Make(const std::string& target, const ClientOptions& options = {});
 
-  // Returns at once. The server refuses new jobs (DRAINING) and says that it is not ready, until Undrain().
+  // Returns at once. Until Undrain(), the server refuses new jobs (DRAINING) and reports that it is not ready.
   Result<void> Drain(std::nothrow_t);
   void Drain() { Drain(std::nothrow).value(); }
-  // SHUTTING_DOWN (kFailedPrecondition) if the server is about to end.
+  // SHUTTING_DOWN (kFailedPrecondition) if the server is shutting down.
   Result<void> Undrain(std::nothrow_t);
   void Undrain() { Undrain(std::nothrow).value(); }
   Result<ServerStats> GetStats(std::nothrow_t);

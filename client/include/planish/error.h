@@ -1,4 +1,4 @@
-// The one error of the library: thrown, or in a Result for programs that are built without exceptions.
+// The library's only error type: thrown, or in a Result for programs built without exceptions.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@
 
 namespace planish::inline abi0 {
 
-// Times: any duration converts to it (`std::chrono::minutes(5)`), and count() is in seconds.
+// Durations: any std::chrono duration converts to it (`std::chrono::minutes(5)`), and count() is in seconds.
 using Seconds = std::chrono::duration<double>;
 
 // Numbered like google.rpc.Code.
@@ -38,7 +38,7 @@ enum class ErrorCode {
 // "INVALID_ARGUMENT", ...
 std::string ToString(ErrorCode code);
 
-// Thrown when a call fails and when a job that was waited for does not succeed. what() is a sentence for people.
+// Thrown if a call fails, or if a job that it waited for does not succeed. what() is a sentence for people.
 class Error : public std::runtime_error {
  public:
   using Metadata = std::map<std::string, std::string>;
@@ -46,28 +46,28 @@ class Error : public std::runtime_error {
   Error(ErrorCode code, std::string reason, const std::string& message, Metadata metadata = {});
 
   ErrorCode code() const { return code_; }
-  // For programs: a reason of planish.v1.Job.error or of a call's ErrorInfo, or one of this library's own:
+  // For programs: a reason of planish.v1.Job.error or of a call's ErrorInfo, or one of this library:
   //   SERVER_UNREACHABLE     no connection (kUnavailable)
-  //   TLS_FAILED             no connection, because of a certificate, or one side speaks TLS alone (kUnavailable)
+  //   TLS_FAILED             no connection, because of a certificate, or because only one side uses TLS (kUnavailable)
   //   CONNECTION_LOST        the stream broke and re-attaching failed (kUnavailable)
   //   DEADLINE_EXCEEDED      CallOptions::timeout passed
   //   CANCELLED              by the caller, or by someone else on the server
-  //   MESH_MISMATCH          the job's mesh is not the one that was given (kFailedPrecondition)
+  //   MESH_MISMATCH          the job was created with another mesh (kFailedPrecondition)
   //   UV_CORRUPT             the UV do not have the promised SHA-256 or size (kDataLoss)
-  //   OPTIONS_INVALID        ClientOptions that cannot be, or name files that cannot be used (kInvalidArgument)
+  //   OPTIONS_INVALID        ClientOptions that are invalid, or name files that cannot be used (kInvalidArgument)
   //   PRIVATE_SERVER_FAILED  planishd was not found or did not start (kUnavailable)
-  //   CALLBACK_FAILED        a callback threw something else than planish::Error (kUnknown)
+  //   CALLBACK_FAILED        a callback threw an exception other than planish::Error (kUnknown)
   //   OUT_OF_MEMORY          in this process (kResourceExhausted)
   const std::string& reason() const { return reason_; }
-  // Further facts, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's own order. Here alone stands which
-  // elements are at fault; what() counts them.
+  // Details, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's order. Only this says which elements are at
+  // fault; what() counts them.
   const Metadata& metadata() const { return metadata_; }
 
-  // Name of the job that failed; empty if the call was refused before there was one.
+  // Name of the job that failed; empty if the call was refused without a job.
   const std::string& job() const { return job_; }
-  // Of the trace that the call belonged to, 32 hex digits, as in the server's log; empty if it never got that far.
+  // The id of the call's trace, 32 hex digits, as in the server's log; empty if the call failed before.
   const std::string& trace_id() const { return trace_id_; }
-  // What the server asks to wait before the call is tried again; 0 if it does not say.
+  // How long the server asks to wait before a retry; 0 if it does not say.
   Seconds retry_after() const { return retry_after_; }
 
   Error& set_metadata(Metadata metadata) { return Set(&Error::metadata_, std::move(metadata)); }
@@ -76,7 +76,7 @@ class Error : public std::runtime_error {
   Error& set_retry_after(Seconds pause) { return Set(&Error::retry_after_, pause); }
   Error& set_cause(std::exception_ptr cause) { return Set(&Error::cause_, std::move(cause)); }
 
-  // Throws this error or, if it stands for an exception of somebody else's (CALLBACK_FAILED, OUT_OF_MEMORY), that one.
+  // Throws this error or, if it stands for another exception (CALLBACK_FAILED, OUT_OF_MEMORY), that one.
   [[noreturn]] void Throw() const;
 
  private:
@@ -95,7 +95,7 @@ class Error : public std::runtime_error {
   std::exception_ptr cause_;
 };
 
-// What calls with std::nothrow return: a value, or the error that the same call without it throws.
+// The result of calls with std::nothrow: a value, or the error that the same call would throw.
 template <typename T>
 class [[nodiscard]] Result {
  public:
@@ -106,14 +106,14 @@ class [[nodiscard]] Result {
 
   bool ok() const { return result_.index() == 0; }
   explicit operator bool() const { return ok(); }
-  // For a Result that is ok(). Others end a program without exceptions, and throw std::bad_variant_access elsewhere.
+  // Requires ok(). Otherwise ends a program without exceptions, and throws std::bad_variant_access elsewhere.
   Value& operator*() { return std::get<0>(result_); }
   const Value& operator*() const { return std::get<0>(result_); }
   Value* operator->() { return &**this; }
   const Value* operator->() const { return &**this; }
-  // For one that is not.
+  // Requires !ok().
   const Error& error() const { return std::get<1>(result_); }
-  // The value, moved out, or throws the error.
+  // Moves the value out, or throws the error.
   T value() && {
     if (!ok()) error().Throw();
     if constexpr (!std::is_void_v<T>) return std::move(**this);

@@ -1,4 +1,4 @@
-// A planishd of one's own, for programs that must work without a server somewhere.
+// Starts a private planishd, for programs that must work without a running server.
 #pragma once
 
 #include <memory>
@@ -10,20 +10,20 @@
 namespace planish::inline abi0 {
 
 struct PrivateServerOptions {
-  // Empty: planishd beside the running executable, else in ../bin from there, else $PLANISHD, else in PATH.
+  // Empty: planishd beside the running executable, else in ../bin relative to it, else $PLANISHD, else in PATH.
   std::string executable;
   int workers = 1;
-  int threads = 0;  // that a job may use; 0: the cores of this machine, divided by `workers`
+  int threads = 0;  // of a job; 0: the cores of this machine, divided by `workers`
   Seconds start_timeout{10};
   std::vector<std::string> extra_arguments;
 };
 
-// Runs planishd on a Unix socket that only this user can reach. It ends with this object, and with this process
-// however that ends. Movable. Linux only; the rest of the library is not bound to a system.
+// Runs planishd on a Unix socket that only this user can access. The server ends with this object, and also if this
+// process ends in any way. Movable. Linux only; the rest of the library runs on any system.
 class PrivateServer {
  public:
-  // Returns when the server serves. Throws planish::Error with PRIVATE_SERVER_FAILED if planishd is not found, or
-  // dies or stays silent while it starts; the message ends with what it wrote to stderr.
+  // Returns once the server is ready. Throws planish::Error with PRIVATE_SERVER_FAILED if planishd is not found, or
+  // exits or does not answer while it starts; the message ends with its stderr.
   explicit PrivateServer(const PrivateServerOptions& options = {});
   // The same without exceptions.
   static Result<PrivateServer> Make(const PrivateServerOptions& options = {});
@@ -33,13 +33,13 @@ class PrivateServer {
 
   // For planish::Client.
   const std::string& target() const;
-  // Path of the planishd that runs, and its process id.
+  // Path and process id of the running planishd.
   const std::string& executable() const;
   int pid() const;
-  // The directory of the socket: for those who leave by _exit and must clean up themselves.
+  // The directory of the socket, for programs that end by _exit and must clean up themselves.
   const std::string& directory() const;
 
-  // What it wrote to stderr so far.
+  // Its stderr so far.
   std::string log() const;
 
  private:
@@ -48,7 +48,7 @@ class PrivateServer {
 };
 
 // The planishd that PrivateServer would start if the running executable were in `directory` (empty: nowhere); empty if
-// there is none.
+// none is found.
 std::string FindPlanishd(const std::string& directory);
 
 }  // namespace planish::inline abi0

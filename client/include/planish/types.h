@@ -1,7 +1,7 @@
-// What goes into an unwrap and what comes out: plain structs, the proto's messages with std types.
+// Inputs and outputs of an unwrap: plain structs, the proto's messages with std types.
 //
-// Everything lives in namespace planish. The inline namespace carries the number of the binary interface, the 0 of
-// libplanish.so.0, so that two versions of the library can be in one process; a program never names it.
+// Everything is in namespace planish. The inline namespace has the number of the binary interface, the 0 of
+// libplanish.so.0, so that two versions of the library can be in one process. Programs never name it.
 #pragma once
 
 #include <algorithm>
@@ -23,10 +23,10 @@
 
 namespace planish::inline abi0 {
 
-// A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
-// `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
-// float. Where that would lose digits of a mesh far from the origin, a common point is subtracted from all positions
-// before, in double. Vertices without a triangle are allowed and ignored.
+// A triangle mesh that the caller owns; nothing is copied. `positions` has x, y, z per vertex in any unit; `triangles`
+// has three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions are sent as float. If that
+// would lose digits of a mesh far from the origin, a common point is first subtracted from all positions, in double.
+// Vertices without a triangle are ignored.
 class MeshView {
  public:
   using Positions = std::variant<std::span<const float>, std::span<const double>>;
@@ -35,27 +35,26 @@ class MeshView {
       : positions_(positions), indices_(triangles) {}
   MeshView(Positions positions, std::span<const std::int32_t> triangles) : MeshView(positions, Unsigned(triangles)) {}
 
-  // The same mesh with given seams: edges along which charts part, in addition to hard edges
-  // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge,
-  // two ids per edge in any order: a pair that no triangle has as an edge is refused (OPTIONS_INVALID, metadata
-  // "edges").
+  // The same mesh with given seams: edges at which charts end, in addition to hard edges
+  // (UnwrapOptions::hard_edge_degrees); UnwrapOptions::seams decides about further seams. Two vertex ids per edge, in
+  // any order. A pair that is not an edge of any triangle is refused (OPTIONS_INVALID, metadata "edges").
   MeshView WithSeams(std::span<const std::uint32_t> pairs) const { return With(&MeshView::seam_vertices_, pairs); }
   MeshView WithSeams(std::span<const std::int32_t> pairs) const { return WithSeams(Unsigned(pairs)); }
-  // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
-  // May be used beside WithSeams.
+  // Seams by corners: number 3 t + k is the edge that corner k of triangle t faces, between its other two corners. May
+  // be combined with WithSeams.
   MeshView WithSeamCorners(std::span<const std::int32_t> c) const { return With(&MeshView::seam_corners_, c); }
-  // Edges, by corners in the same way, along which no seam is added. Given seams part charts all the same.
+  // Edges, as corners in the same way, along which no seam is added. Charts still end at given seams.
   MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
-  // The polygon that each triangle comes from: a number for each, below triangle_count(). A polygon stays in one piece,
+  // The polygon that each triangle comes from: a number per triangle, below triangle_count(). A polygon is never cut,
   // so that each of its corners has one UV: no seam follows an edge between two of its triangles that run along it in
-  // opposite directions, whatever other triangles have that edge.
+  // opposite directions, whatever other triangles share that edge.
   MeshView WithFacePolygons(std::span<const std::int32_t> p) const { return With(&MeshView::face_polygon_, p); }
-  // The atlas that each triangle goes into: a number for each, from 0 on. Charts end where it differs;
-  // UnwrapOptions::atlas_layout says where atlases go, and Atlas::atlases what became of each.
+  // The atlas of each triangle: a number per triangle, from 0 on. Charts end where it changes.
+  // UnwrapOptions::atlas_layout says where atlases go; Atlas::atlases reports on each.
   MeshView WithFaceAtlas(std::span<const std::int32_t> atlas) const { return With(&MeshView::face_atlas_, atlas); }
-  // So many times the texels per length: a number for each triangle, in [0.01, 100]. Charts end where it differs; with
-  // Seams::kKeep they do not, and have the mean of their triangles by area.
+  // Factor on the texel density (texels per length): a number per triangle, in [0.01, 100]. Charts end where it
+  // changes; with Seams::kKeep they do not, and get the mean of their triangles by area.
   MeshView WithFaceWeights(std::span<const float> weights) const { return With(&MeshView::face_weights_, weights); }
 
   std::int64_t vertex_count() const {
@@ -101,9 +100,9 @@ enum class Stage {
   kDownload
 };
 enum class Seams {
-  kNone,  // no edge is cut: the mesh must be a topological disc
-  kKeep,  // the given seams; pieces with holes are slit where they have no other map (SEAMS_ADDED), closed ones refused
-  kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders
+  kNone,    // no edge is cut: the mesh must be a topological disc
+  kKeep,    // the given seams; pieces with holes are slit if they have no other map (SEAMS_ADDED), closed ones refused
+  kNeeded,  // the given seams, and more only where a piece is not a disc or has no map that keeps its borders
             // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
 };
@@ -119,18 +118,18 @@ enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
 enum class Priority { kLow, kNormal, kHigh };
 enum class AtlasLayout {
-  kUdim,     // each atlas into UDIM tiles of its own, all at one texel density
-  kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
+  kUdim,     // each atlas has its own UDIM tiles, all have one texel density
+  kStacked,  // all have the same tiles, as separate textures, each as large as fits
 };
 enum class Effort {
-  kFast,    // packing costs about a quarter of the rest of the unwrap
-  kNormal,  // about a quarter of the rest, and 0.15 ms a chart
-  kBest,    // with more charts: fifty times the rest, or a minute where that is more
+  kFast,    // packing takes about a quarter of the rest of the unwrap
+  kNormal,  // about a quarter of the rest, plus 0.15 ms a chart
+  kBest,    // with more charts: fifty times the rest, at least a minute
 };
 
 template <typename Enum>
 struct EnumNames {
-  const char* of[11];  // by value; null beyond the last one
+  const char* of[11];  // by value; null after the last one
 };
 inline constexpr std::tuple kEnumNames = {
     EnumNames<JobState>{"unknown", "QUEUED", "RUNNING", "STOPPING", "SUCCEEDED", "FAILED", "CANCELLED", "EXPIRED"},
@@ -148,7 +147,7 @@ inline constexpr std::tuple kEnumNames = {
     EnumNames<AtlasLayout>{"udim", "stacked"},
     EnumNames<Effort>{"fast", "normal", "best"}};
 
-// As the command line and the JSON report spell the enums above; "unknown" for a value that only a newer server knows.
+// Names of the enum values, as on the command line and in JSON; "unknown" for values of newer servers.
 template <typename Enum>
 requires std::is_enum_v<Enum>
 const char* ToString(Enum value) {
@@ -162,7 +161,7 @@ inline bool IsTerminal(JobState state) {
   return state >= JobState::kSucceeded && state <= JobState::kExpired;
 }
 
-// How Newton's method goes about the angles of a chart. What is chosen changes cost, hardly the map.
+// How Newton's method solves for the angles of a chart. These options change the cost, hardly the map.
 struct SolverOptions {
   Solver method = Solver::kAuto;  // of the linear system of a Newton step
   System system = System::kAuto;
@@ -175,8 +174,8 @@ struct SolverOptions {
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
   Prefer prefer = Prefer::kTexture;  // with kAuto
-  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
-                                 // Prefer::kSeams
+  double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
+                           // Prefer::kSeams
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
   int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024, or what texels_per_unit needs
@@ -191,18 +190,18 @@ struct UnwrapOptions {
   SolverOptions solver;
 };
 
-// When a job runs, and for how long. Does not change what comes out unless a limit is met.
+// When a job runs, and for how long. Changes the result only if a limit is reached.
 struct Scheduling {
-  // A waiting job counts as 10 minutes older with kHigh, younger with kLow; the oldest is next.
+  // A waiting job counts as 10 minutes older with kHigh, and younger with kLow; the oldest is next.
   Priority priority = Priority::kNormal;
-  // From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED, whoever waits for it; 0: none.
+  // Counted from acceptance: a job that has not ended by then fails with DEADLINE_EXCEEDED; 0: no limit.
   Seconds timeout{0};
-  // Of running: a job that runs longer is stopped, and delivers the best map it has then; 0: none.
+  // A job that runs longer is stopped, and delivers its best map so far; 0: no limit.
   Seconds compute_budget{0};
-  bool fresh = false;  // compute anew even if the server has the result for this mesh and these options
+  bool fresh = false;  // compute again even if the server has the result for this mesh and these options
 };
 
-// Largest residual of each constraint family and of the scaled gradient, in radians (wheel: a logarithm).
+// Largest residual of each kind of constraint and of the scaled gradient, in radians (wheel: a logarithm).
 struct Residual {
   double triangle = 0, vertex = 0, wheel = 0, gradient = 0;
 
@@ -215,23 +214,23 @@ struct Progress {
   int chart_count = 0;
   int newton_iteration = 0;            // completed
   std::int64_t linear_iterations = 0;  // over all Newton steps so far
-  double linear_residual = 0;          // relative, of the present linear solve; 0 between solves
+  double linear_residual = 0;          // relative, of the current linear solve; 0 between solves
   Residual residual;                   // after newton_iteration steps
   double energy = 0;
   double step_length = 0;     // fraction of the last Newton step taken
   Seconds elapsed{0};         // since the worker began
   double tolerance = 0;       // largest residual that ends the solve as converged
-  double stage_fraction = 0;  // of the stage that is done, roughly; 0 in stages that do not tell
+  double stage_fraction = 0;  // completed part of the stage, roughly; 0 in stages that do not report it
 };
 
-// How the boundary control of a chart went.
+// The outcome of the boundary control of a chart.
 struct BoundaryReport {
-  Boundary boundary = Boundary::kFree;  // as asked for
-  // The rest is for kConvex only.
+  Boundary boundary = Boundary::kFree;  // as requested
+  // The following members are for kConvex only.
   int vertices = 0;     // boundary vertices
-  int active = 0;       // of these, held straight in the end
-  int set_changes = 0;  // times that the set of these changed
-  bool settled = true;  // the set is right; otherwise warning BOUNDARY_NOT_SETTLED
+  int active = 0;       // boundary vertices that are straight at the end
+  int set_changes = 0;  // changes of the set of straight vertices
+  bool settled = true;  // whether the set is right; otherwise warning BOUNDARY_NOT_SETTLED
 };
 
 struct ChartReport {
@@ -249,23 +248,23 @@ struct ChartReport {
   int convexified_iterations = 0;  // Newton steps in which the Hessian of a face was made positive
   int indefinite_iterations = 0;   // Newton steps with the exact, indefinite Hessian, by MINRES whatever `solver` is
   std::string stop_message;        // one sentence with numbers
-  double abf_energy = 0;           // as Quality::abf_energy, of the angles as solved, before any rounding
-  double barrier = 0;              // above 0 where the ABF energy alone has no minimum (warning BARRIER_KEPT)
+  double abf_energy = 0;           // as Quality::abf_energy, of the solved angles, before any rounding
+  double barrier = 0;              // above 0 if the ABF energy alone has no minimum (warning BARRIER_KEPT)
   BoundaryReport boundary;
-  double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart by itself
+  double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart alone
   int chart = 0;          // its number, 0-based
-  // The largest residual where Newton's method began, and after each of its steps; older servers do not tell.
+  // The largest residual at the start of Newton's method and after each step; empty from older servers.
   std::vector<float> newton_residuals;
 };
 
-// Over all charts, however many.
+// Over all charts.
 struct ChartTotals {
   int charts = 0;
   int not_converged = 0;
   std::int64_t newton_iterations = 0, linear_iterations = 0;
   Residual residual;  // the largest of each family
   double stretch_l2_max = 1;
-  std::vector<float> newton_residuals;  // the largest of any chart after so many steps
+  std::vector<float> newton_residuals;  // after each step, the largest of any chart
 };
 
 // One of several atlases.
@@ -274,49 +273,49 @@ struct AtlasPart {
   std::int64_t triangles = 0;
   int charts = 0;
   int first_tile = 0;             // 0 is UDIM 1001
-  int tiles = 1;                  // from first_tile to the last that is used
-  double texels_per_unit = 0;     // of length on the surface, at weight 1
+  int tiles = 1;                  // from first_tile to the last one used
+  double texels_per_unit = 0;     // per length on the surface, at weight 1
   double packing_efficiency = 0;  // area of the triangles over that of the tiles
 };
 
-// Where the charts went, in texels of the texture that was asked for.
+// The packed charts. Lengths are in texels of the requested texture.
 struct Atlas {
   bool pack = true;
   int texture_size = 0;
   int padding = 0;
-  int tiles = 1;               // up to the last that is used
-  double texels_per_unit = 0;  // of length on the surface, at weight 1, the least of all atlases; 0 without packing
+  int tiles = 1;               // up to the last one used
+  double texels_per_unit = 0;  // per length on the surface, at weight 1, the least of all atlases; 0 without packing
   Effort effort = Effort::kNormal;
   AtlasLayout layout = AtlasLayout::kUdim;
-  // With WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty.
+  // With WithFaceAtlas: one for each atlas number, ascending, at most 1024; otherwise empty.
   std::vector<AtlasPart> atlases = {};
-  double padding_kept = 0;  // texels that are free between charts: `padding`, or less where there was no room
+  double padding_kept = 0;  // texels kept free between charts: `padding`, or less if there was no room
 };
 
 // Measured on the delivered UV with exact predicates.
 struct Quality {
   std::int64_t flipped = 0;
   std::int64_t degenerate = 0;
-  std::int64_t overlapping = 0;  // pairs of UV triangles whose interiors meet
+  std::int64_t overlapping = 0;  // pairs of UV triangles whose interiors intersect
   double angle_error_mean_deg = 0, angle_error_max_deg = 0;
   double abf_energy = 0;
   double conformal_distortion_mean = 1, conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
   double seam_length = 0;               // of the seams on the surface, over the square root of its area
-  double visible_seam_length = 0;       // the same, each edge weighted by how much of its surroundings is open, 0 to 1
-  double seam_turn_deg = 0;             // mean angle by which seams turn from edge to edge; 0: straight
-  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty without mirror plane
+  double visible_seam_length = 0;       // the same, each edge weighted by its visibility, 0 to 1
+  double seam_turn_deg = 0;             // mean angle between consecutive edges of seams; 0: straight
+  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty without a mirror plane
 };
 
-// Wall-clock time of each stage: upload (encode, send, accept), download and total as this client saw them, the others
-// as the server did.
+// Wall-clock time of each stage. Upload (encode, send, accept), download and total are measured by this client, the
+// others by the server.
 struct StageTimes {
   Seconds upload{0}, queue{0}, decode{0}, charts{0}, solve{0}, layout{0}, pack{0}, verify{0}, encode{0}, download{0};
   Seconds total{0};
 };
 
-// A promise that was not kept, or something the caller should know; reasons as in planish.v1.Warning.
+// A promise that was not kept, or something the caller should know; for reasons see planish.v1.Warning.
 struct Warning {
   std::string reason;
   std::string message;
@@ -325,14 +324,15 @@ struct Warning {
 
 struct Report {
   std::int64_t triangles = 0, vertices = 0;
-  // One per chart, ascending; of more than 1024 those that did not converge, then those of the largest stretch.
+  // One per chart, ascending. If there are more than 1024, those that did not converge, then those with the largest
+  // stretch.
   std::vector<ChartReport> charts;
   ChartTotals chart_totals;
   Atlas atlas;
   Quality quality;
   StageTimes times;
   std::int64_t peak_memory_bytes = 0;
-  int threads = 0;  // the job could use: UnwrapOptions::threads, or less where the server allowed less
+  int threads = 0;  // that the job could use: UnwrapOptions::threads, or less if the server allowed less
   std::vector<Warning> warnings;
 };
 
@@ -341,7 +341,7 @@ struct Job {
 
   std::string name;  // "jobs/..."
   JobState state = JobState::kUnspecified;
-  std::map<std::string, std::string> labels;  // as given by whoever created it
+  std::map<std::string, std::string> labels;  // as given at its creation
   UnwrapOptions options;
   std::optional<Time> create_time, start_time, end_time;
   std::int64_t mesh_bytes = 0;
@@ -350,35 +350,35 @@ struct Job {
   std::optional<Error> error;        // when FAILED; ids in the order of the mesh as sent
   std::optional<Report> report;      // when SUCCEEDED
   Scheduling scheduling;
-  int attempts = 0;                 // times a worker began with it; above 1 after a worker or the server died
-  bool stop_requested = false;      // by StopJob, or its compute budget is used up
-  bool cancel_requested = false;    // by CancelJob, or its caller went away
-  std::string result_of;            // the job whose work it shares (same mesh and options); empty: its own
+  int attempts = 0;                 // how often a worker began it; above 1 after a worker or the server died
+  bool stop_requested = false;      // by StopJob, or because its compute budget is used up
+  bool cancel_requested = false;    // by CancelJob, or because its caller disconnected
+  std::string result_of;            // the job whose result it shares (same mesh and options); or empty
   std::int64_t memory_bytes = 0;    // reserved while it runs
-  std::optional<Time> expire_time;  // when SUCCEEDED: its UV are dropped then at the latest
+  std::optional<Time> expire_time;  // when SUCCEEDED: the latest time at which its UV are dropped
   std::string trace_id;             // of the W3C trace that created it, 32 hex digits, as in the server's log
 };
 
-// What a job would need, and how long it would wait, before it is created.
+// What a job would need, and how long it would wait.
 struct JobEstimate {
   std::int64_t triangles = 0, vertices = 0;
   std::int64_t memory_bytes = 0;  // reserved while it runs
   Seconds run_time{0};            // on one idle core, roughly
   Seconds queue_time{0};          // until a job created now would start, roughly
-  std::optional<Error> refusal;   // what CreateJob would be refused with now
+  std::optional<Error> refusal;   // the error with which CreateJob would be refused now
 };
 
-// Something that happened to a job: exactly one of `job` (after a change of state) and `progress` is set.
+// A change of a job: either `job` (after a change of state) or `progress` is set.
 struct Event {
-  std::int64_t sequence = 0;  // 1, 2, 3, ... within a job; jumps where events were lost or the server was restarted
+  std::int64_t sequence = 0;  // 1, 2, 3, ... within a job; may jump if events were lost or the server restarted
   Job::Time time;
-  std::int64_t skipped = 0;  // events between the one before and this one that the server no longer had
+  std::int64_t skipped = 0;  // events between the previous one and this one that the server no longer had
   std::optional<Job> job;
   std::optional<Progress> progress;
 };
 
-// UV as float or double, whichever UnwrapOptions::precision asked for or, with kAuto, the server chose: of every corner
-// in the caller's own order. Numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of triangle f.
+// UV of every corner in the caller's order, as float or double according to UnwrapOptions::precision (with kAuto, the
+// server chooses). Numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of triangle f.
 class Uv {
  public:
   using Numbers = std::variant<std::vector<float>, std::vector<double>>;
@@ -395,12 +395,12 @@ class Uv {
   double operator[](std::size_t i) const {
     return std::visit([i](const auto& numbers) -> double { return numbers[i]; }, numbers_);
   }
-  // All of them as T, rounded where T is float and they are not.
+  // All numbers as T, rounded if they are doubles and T is float.
   template <typename T>
   std::vector<T> As() const {
     return std::visit([](const auto& numbers) { return std::vector<T>(numbers.begin(), numbers.end()); }, numbers_);
   }
-  // As they came, for std::visit and std::get_if: nobody reads floats where there are doubles.
+  // The numbers in their own type, for std::visit and std::get_if, so that nobody mistakes doubles for floats.
   const Numbers& numbers() const { return numbers_; }
 
  private:
@@ -413,7 +413,7 @@ struct UnwrapResult {
   Uv uv;
   Report report;
 
-  // Every chart converged and no UV triangle is flipped or degenerate. (Overlaps are warnings.)
+  // Whether every chart converged and no UV triangle is flipped or degenerate. (Overlaps are warnings.)
   bool IsUsable() const {
     return report.chart_totals.not_converged == 0 && report.quality.flipped == 0 && report.quality.degenerate == 0;
   }
@@ -425,15 +425,15 @@ struct Capabilities {
   int workers = 0;
   int queue_capacity = 0;
   std::vector<Seams> seams;
-  std::vector<SolverOptions> solvers;  // the method, system and preconditioner that go together
-  int threads = 0;                     // a job may use at most
+  std::vector<SolverOptions> solvers;  // valid combinations of method, system and preconditioner
+  int threads = 0;                     // maximal number for a job
   std::int64_t max_triangles = 0;
-  std::int64_t memory_bytes = 0;        // that running jobs may reserve together
-  std::int64_t inline_mesh_bytes = 0;   // larger meshes travel by a resumable upload; 0: none do
-  std::int64_t upload_chunk_bytes = 0;  // in a message of an upload
-  Seconds reattach_grace{0};            // that the job of a caller that went away waits for it to come back
-  bool durable = false;                 // jobs, meshes and results outlive a restart of the server
-  bool isolated_workers = false;        // jobs run in processes of their own
+  std::int64_t memory_bytes = 0;        // limit of the reservations of all running jobs
+  std::int64_t inline_mesh_bytes = 0;   // larger meshes are sent by a resumable upload; 0: none are
+  std::int64_t upload_chunk_bytes = 0;  // per message of an upload
+  Seconds reattach_grace{0};            // how long the job of a disconnected caller waits for it
+  bool durable = false;                 // whether jobs, meshes and results survive a restart of the server
+  bool isolated_workers = false;        // whether jobs run in separate processes
 };
 
 }  // namespace planish::inline abi0

@@ -1,17 +1,17 @@
-"""planish: UV unwrapping of triangle meshes by Angle Based Flattening, on a server or on one of one's own.
+"""planish: UV unwrapping of triangle meshes by Angle Based Flattening, on a running or a private server.
 
     import planish
     result = planish.unwrap(positions, triangles)       # (V, 3) and (F, 3)
     result.uv                                           # (F, 3, 2)
     result.per_vertex()                                 # vertices at seams split
 
-:class:`Client` blocks, :class:`AsyncClient` is for asyncio, :func:`parametrize` and :class:`Atlas` stand in the place of xatlas's.
+:class:`Client` blocks, :class:`AsyncClient` is for asyncio, :func:`parametrize` and :class:`Atlas` replace xatlas's.
 """
 
 import os as _os
 
-# gRPC's own support for forks makes a fork wait for calls that are under way, and may hang. This package does without (see
-# _bridge.py); the variable counts when gRPC is imported first.
+# gRPC's fork support makes a fork wait for calls under way, and may hang. This package does not use it (see
+# _bridge.py). The variable has an effect only if it is set before gRPC is imported.
 _os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
 
 from ._connection import ConnectionOptions

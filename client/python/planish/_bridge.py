@@ -1,8 +1,8 @@
-"""Calls by a process of their own, for a process that was forked from one that had used gRPC.
+"""Makes calls in a helper process, for processes that were forked after gRPC was used.
 
-Such a child has gRPC's memory without its threads, and shares its descriptors with the parent: whatever it asks of gRPC may hang, or
-disturb the parent. So it starts a Python without that history, which makes the calls for it. Messages pass as bytes, in frames:
-number of the call, kind, length, content.
+Such a child has gRPC's memory without its threads, and shares its descriptors with the parent: any use of gRPC may
+hang, or disturb the parent. So it starts a new Python that makes the calls for it. Messages are sent as bytes, in
+frames: number of the call, kind, length, content.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from ._connection import Connection, aio
 from .v1 import planish_pb2
 
 _HEADER = struct.Struct("<IBI")
-# To the helper: begin a call of one request and of one or of many answers, or cancel it.
+# To the helper: begin a call with one or with many responses, or cancel it.
 _UNARY, _STREAM, _CANCEL = 0, 1, 2
-# From the helper: an answer; the end, with None or what is wrong.
+# From the helper: a response; the end, with None or an error.
 _MESSAGE, _END = 0, 1
 
 SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
 _file = descriptor_pb2.FileDescriptorProto.FromString(planish_pb2.DESCRIPTOR.serialized_pb)
-#: By name; whether they are streams is not in the descriptors of older versions of protobuf.
+#: By name. Descriptors of older versions of protobuf do not say which are streams.
 METHODS = {method.name: method for service in _file.service for method in service.method}
 _PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
@@ -63,7 +63,7 @@ class _Writer:
 
 
 def serve() -> None:
-    """The helper's life: a connection, then calls, until the other side is gone."""
+    """Main function of the helper: connects, then makes calls until the other side is gone."""
     ours = sys.stdin.buffer
     connection: Connection = pickle.load(ours)
     channel = connection.channel(grpc)
@@ -90,12 +90,12 @@ def serve() -> None:
                 calls.pop(number, None)
             writer.write(number, _END, pickle.dumps(end))
         except OSError:
-            pass  # nobody is there to read it any more
+            pass  # nobody reads it any more
 
     while True:
         frame = _read_frame(ours)
         if frame is None:
-            os._exit(0)  # whatever still runs
+            os._exit(0)  # ends running calls
         number, kind, content = frame
         if kind == _CANCEL:
             call = calls.get(number)
@@ -109,20 +109,20 @@ def serve() -> None:
 
 
 class Bridge:
-    """To one server. Thread-safe. The helper ends when this does."""
+    """A helper for one server. Thread-safe. The helper ends with this object."""
 
     def __init__(self, connection: Connection) -> None:
-        #: The helper is gone: another bridge is needed.
+        #: The helper is gone: a new bridge is needed.
         self.is_lost = False
         code = f"import sys; sys.path[:] = {sys.path!r}; from planish._bridge import serve; serve()"
         executable = os.fsdecode(spawn.get_executable())
         try:
             self._process = subprocess.Popen(
-                # As this Python was started: -I and -E keep its environment and directory out of this one as well.
+                # With the flags of this Python: -I and -E keep its environment and directory out of this one as well.
                 [executable, *subprocess._args_from_interpreter_flags(), "-c", code],  # type: ignore[attr-defined]
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C is for this process, which cancels what it wants cancelled
+                start_new_session=True,  # Ctrl-C is for this process, which cancels calls itself
             )
         except OSError as error:
             message = f"cannot start {executable} to make the calls of a forked process: {error.strerror}"
@@ -147,7 +147,7 @@ class Bridge:
         metadata: Any,
         taker: Callable[[int, bytes], None],
     ) -> int:
-        """`taker` gets kind and content of each frame, on a thread of its own."""
+        """Calls `taker` with kind and content of each frame, on another thread."""
         with self._lock:
             number = self._next = self._next + 1
             self._takers[number] = taker
@@ -162,7 +162,7 @@ class Bridge:
 
     def cancel(self, number: int) -> None:
         if number not in self._takers:
-            return  # it has ended
+            return  # the helper has ended
         try:
             self._writer.write(number, _CANCEL, b"")
         except OSError:
@@ -189,7 +189,7 @@ class Bridge:
         self._lose()
 
     def _lose(self) -> None:
-        """The helper is gone, and all calls with it."""
+        """The helper is gone: ends all calls."""
         end = pickle.dumps((grpc.StatusCode.UNAVAILABLE.value[0], "the process that makes the calls has ended", []))
         self.is_lost = True
         with self._lock:
@@ -199,7 +199,7 @@ class Bridge:
 
 
 class _Answers:
-    """What arrives of one call."""
+    """The frames of one call."""
 
     def __init__(self, method: str) -> None:
         self._parse = _parser(method)
@@ -269,7 +269,7 @@ class _BlockingCall(_Answers):
 
 
 class BlockingStub:
-    """In the place of the stub that protoc makes."""
+    """Replaces the stub that protoc makes."""
 
     def __init__(self, bridge: Bridge) -> None:
         self._bridge = bridge
@@ -322,7 +322,7 @@ class _AioCall(_Answers):
 
 
 class AioStub:
-    """In the place of the stub that protoc makes, for asyncio."""
+    """Replaces the stub that protoc makes, for asyncio."""
 
     def __init__(self, bridge: Bridge) -> None:
         self._bridge = bridge

@@ -1,4 +1,4 @@
-"""Calls to a server, each in one coroutine, for both kinds of client."""
+"""The calls to a server, one coroutine each, shared by both clients."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .mesh import PackedMesh
 from .private_server import revive
 from .v1 import job_pb2, planish_pb2
 
-#: Answers that carry no mesh must not take longer.
+#: Time limit of calls without a mesh.
 _UNARY_SECONDS = 20.0
-#: Of one WaitJob, which a proxy must not take for a dead connection.
+#: Limit of one WaitJob, short enough that proxies do not take it for a dead connection.
 _LONGEST_WAIT_SECONDS = 15.0
 #: Meshes up to this size are sent without asking for the server's limit.
 _SMALL_MESH_BYTES = 1 << 20
-#: Of one BatchCreateJobs: jobs, and bytes of their meshes. A larger mesh travels by itself.
+#: Limits of one BatchCreateJobs: jobs, and bytes of their meshes. A larger mesh is sent on its own.
 _MOST_IN_BATCH = 100
 _MOST_BATCH_BYTES = 4 << 20
 
@@ -35,7 +35,7 @@ _TRACEPARENT = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})[
 
 
 class Trace:
-    """The W3C trace that the calls about one thing belong to: the caller's, the environment's, or a new one."""
+    """The W3C trace of related calls: the caller's, the environment's, or a new one."""
 
     def __init__(self, traceparent: str = "") -> None:
         match = _TRACEPARENT.fullmatch(traceparent or os.environ.get("TRACEPARENT", ""))
@@ -45,19 +45,19 @@ class Trace:
         self._flags = match.group(2) if match else "01"
 
     def traceparent(self) -> str:
-        """Of the next call."""
+        """The header of the next call."""
         return f"00-{self.id}-{secrets.token_hex(8)}-{self._flags}"
 
 
 class Calls:
-    """What can be asked of one server. As thread-safe as the transport."""
+    """The calls to one server. As thread-safe as the transport."""
 
     def __init__(self, transport: Transport, policy: RetryPolicy) -> None:
         self.transport = transport
         self.policy = policy
 
     def metadata(self, trace: Trace) -> List[Tuple[str, str]]:
-        """Of a call."""
+        """The metadata of a call."""
         return [("traceparent", trace.traceparent()), *self.transport.connection.metadata()]
 
     async def repeated(
@@ -71,7 +71,7 @@ class Calls:
         patience: Optional[Patience] = None,
         on_attempt: Callable[[int], None] = lambda _: None,
     ) -> Any:
-        """Makes a call that may be repeated until it gets through or patience ends. `seconds`: of one attempt."""
+        """Makes a call with retries until it succeeds or `patience` ends. `seconds`: limit of one attempt."""
         trace = trace or Trace()
         deadline = deadline or Deadline(None)
         retry = self.policy.retry_seconds
@@ -91,13 +91,13 @@ class Calls:
             raise
 
     async def pause(self, error: Error, patience: Patience, wake: Optional[threading.Event] = None) -> float:
-        """Waits before the next attempt; raises `error`, or what stands for it, if there is to be none.
+        """Waits before the next attempt; raises `error`, or one that replaces it, if there should be none.
 
-        A private server of this process that has crashed is started again, once for each call."""
+        A private server of this process that has crashed is restarted, once for each call."""
         transport = self.transport
         if is_broken(error) and revive(transport.connection.target, patience.has_revived):
             patience.has_revived = True
-            await transport.close()  # the channel may be waiting before it connects again
+            await transport.close()  # the channel may be in its back-off
             return 0.0
         seconds = patience.pause(error, reached=transport.reached, target=transport.connection.target)
         await transport.sleep(seconds, wake)
@@ -136,9 +136,9 @@ class Calls:
         return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name)))
 
     async def cancel_while_leaving(self, name: str, unwrap: Any) -> None:
-        """A last word. Whether it gets through does not matter to a caller that leaves for another reason.
+        """Cancels the job of a caller that leaves for another reason; failures are ignored.
 
-        `name` may be empty, if the server has not told it yet. Then the job is found by `unwrap`, the request for it, unless that
+        `name` may be empty if it is not known yet. Then the job is found by `unwrap`, its request, unless that
         is None: nothing was sent.
         """
         trace = Trace()
@@ -151,7 +151,7 @@ class Calls:
                 request = planish_pb2.CancelJobRequest(name=name)
                 await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace))
         except Error:
-            pass  # the server cancels the job of a caller that is gone by itself, only later
+            pass  # later the server cancels the job of a disconnected caller by itself
 
     async def delete_job(self, name: str) -> None:
         attempts = 0
@@ -165,7 +165,7 @@ class Calls:
         except errors.NotFound:
             if attempts == 1:
                 raise
-            # An attempt before this one got through, and only its answer was lost.
+            # An earlier attempt succeeded, and only its response was lost.
 
     async def read_result(self, name: str, offset: int, size: int) -> bytes:
         data = bytearray()
@@ -201,8 +201,8 @@ class Calls:
         )
 
     async def send_ahead(self, mesh: PackedMesh, trace: Trace, deadline: Deadline) -> str:
-        """Uploads a mesh that is better not sent in one message: the name of the upload, or nothing. Refuses one that is too
-        large for the server."""
+        """Uploads a mesh that should not be sent in one message. Returns the name of the upload, or "". Raises if the
+        mesh is too large for the server."""
         if mesh.byte_count <= _SMALL_MESH_BYTES:
             return ""
         server = await self.capabilities()
@@ -214,13 +214,13 @@ class Calls:
                 metadata={"bytes": str(mesh.byte_count), "limit": str(limit)},
             )
         if is_unix(self.transport.connection.target) or not 0 < server.inline_mesh_bytes < mesh.byte_count:
-            return ""  # no network, which could break, or little to be sent again
+            return ""  # no network that could break, or little to send again
         if mesh.vertex_count > 3 * mesh.triangle_count:
             return ""  # Draco has no such meshes
         try:
             return await self._upload(mesh.draco(), server.upload_chunk_bytes, trace, deadline)
         except errors.NotFound:
-            return ""  # a server that was restarted has forgotten what had arrived
+            return ""  # a restarted server has forgotten the upload
 
     async def _upload(self, data: bytes, chunk: int, trace: Trace, deadline: Deadline) -> str:
         begin = planish_pb2.CreateUploadRequest(
@@ -231,7 +231,7 @@ class Calls:
         while upload.committed_bytes < len(data):
             at = upload.committed_bytes
             piece = planish_pb2.WriteUploadRequest(name=upload.name, offset=at, data=data[at : at + chunk])
-            # A piece that is repeated although it arrived is skipped by the server.
+            # The server skips a piece that it already has.
             patience = self.patience_for_new_job(deadline)
             upload = await self.repeated(
                 "WriteUpload", piece, trace=trace, deadline=deadline, seconds=None, patience=patience
@@ -296,7 +296,7 @@ class Calls:
 
 
 def error_of_job(job: Any) -> Error:
-    """Why a job that ended without UV did so."""
+    """The error of a job that ended without UV."""
     if job.state == job_pb2.JOB_STATE_FAILED and job.HasField("error"):
         error = error_of_status(job.error)
     elif job.state == job_pb2.JOB_STATE_CANCELLED:

@@ -1,4 +1,4 @@
-"""Which server, how to get there, and who calls: options, the environment, TLS and tokens."""
+"""How to connect to a server: options, the environment, TLS and tokens."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ def _invalid(message: str) -> InvalidArgument:
 
 @dataclass(frozen=True)
 class ConnectionOptions:
-    """Encryption and identity. None stands for the variable of the environment, which the command reads as well."""
+    """Encryption and identity. None: the environment variable, as for the command."""
 
-    #: Encrypt "host:port". On as well if one of the files is given. None: $PLANISH_TLS.
+    #: Encrypt "host:port". Also on if one of the files is given. None: $PLANISH_TLS.
     tls: Optional[bool] = None
-    #: Who must have signed the server's certificate, PEM; empty: one of those that gRPC trusts. None: $PLANISH_TLS_CA.
+    #: The certificate authority of the server's certificate, PEM; empty: those that gRPC trusts. None: $PLANISH_TLS_CA.
     tls_ca_file: Optional[str] = None
-    #: A certificate of the caller's own and its key, PEM; both or none. None: $PLANISH_TLS_CERT and $PLANISH_TLS_KEY.
+    #: The caller's certificate and its key, PEM; both or none. None: $PLANISH_TLS_CERT and $PLANISH_TLS_KEY.
     tls_cert_file: Optional[str] = None
     tls_key_file: Optional[str] = None
-    #: What the server's certificate is for; empty: the host. None: $PLANISH_TLS_SERVER_NAME.
+    #: The name in the server's certificate; empty: the host. None: $PLANISH_TLS_SERVER_NAME.
     tls_server_name: Optional[str] = None
-    #: Says who calls. None: what is in token_file, else $PLANISH_TOKEN.
+    #: Identifies the caller. None: the content of token_file, else $PLANISH_TOKEN.
     token: Optional[str] = None
-    #: The token in a file, which is read for every call and so may change at any time. None: $PLANISH_TOKEN_FILE.
+    #: A file with the token. It is read for every call, so it may change at any time. None: $PLANISH_TOKEN_FILE.
     token_file: Optional[str] = None
-    #: Send the token to another machine even without TLS, for everybody on the way to read.
+    #: Send the token to other machines even without TLS, where anybody on the way can read it.
     token_over_plaintext: bool = False
 
     def with_environment(self) -> "ConnectionOptions":
-        """The same with what the environment says in place of None."""
+        """The same with None replaced by the environment's values."""
         token, token_file = self.token, self.token_file
         if token is None and token_file is None:
             token_file = os.environ.get("PLANISH_TOKEN_FILE", "")
@@ -81,7 +81,7 @@ def is_unix(target: str) -> bool:
 
 
 def is_within_this_machine(target: str) -> bool:
-    """Whether nobody on a network can read along."""
+    """Whether the connection stays within this machine."""
     if is_unix(target):
         return True
     host = target.rpartition(":")[0].strip("[]")
@@ -94,10 +94,10 @@ def is_within_this_machine(target: str) -> bool:
 
 
 class Connection:
-    """How to make a channel to one server, and what every call to it carries. Thread-safe.
+    """Makes channels to one server, and the metadata of every call. Thread-safe.
 
-    Raises :class:`InvalidArgument` (OPTIONS_INVALID) if options do not fit together or with `target`, or one of their files
-    cannot be used. All but the token's are read here, once.
+    Raises :class:`InvalidArgument` (OPTIONS_INVALID) if options do not match each other or `target`, or one of their
+    files cannot be used. All files except the token's are read only here.
     """
 
     def __init__(self, target: str, options: ConnectionOptions, connect_timeout_seconds: float) -> None:
@@ -127,14 +127,14 @@ class Connection:
         arguments: List[Tuple[str, Any]] = [
             ("grpc.max_receive_message_length", -1),
             ("grpc.max_send_message_length", -1),
-            # gRPC's own pace, 20 s an attempt and 1 s and more between them, is for servers that talk to servers.
+            # gRPC's defaults, 20 s an attempt and 1 s and more between attempts, suit servers that talk to servers.
             ("grpc.min_reconnect_backoff_ms", int(1000 * self._connect_timeout_seconds)),
             ("grpc.initial_reconnect_backoff_ms", 100),
             ("grpc.max_reconnect_backoff_ms", 2000),
-            # A peer that vanished without a word is noticed within half a minute.
+            # Notices a silently vanished peer within half a minute.
             ("grpc.keepalive_time_ms", 20000),
             ("grpc.keepalive_timeout_ms", 10000),
-            # Clients of different servers, or of one that was started anew, must not share connections and their back-off.
+            # Clients of different servers, or of a restarted one, must not share connections and their back-off.
             ("grpc.use_local_subchannel_pool", 1),
             ("grpc.primary_user_agent", f"planish-python/{__version__}"),
         ]
@@ -149,7 +149,7 @@ class Connection:
         return module.secure_channel(self.target, credentials, options=arguments)
 
     def metadata(self) -> List[Tuple[str, str]]:
-        """What says who calls."""
+        """The metadata that identifies the caller."""
         token = self._token()
         return [("authorization", f"Bearer {token}")] if token else []
 

@@ -1,4 +1,4 @@
-"""Follows one job from its stream's first event to the last byte of its UV, over as many streams as that takes."""
+"""Follows one job from its stream's first event to the last byte of its UV, reconnecting as needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .mesh import PackedMesh
 from .result import Result, parse_uv
 from .v1 import job_pb2, planish_pb2
 
-#: Times that a job is submitted anew after it was lost together with its stream.
+#: How often a job is submitted again after it was lost with its stream.
 _MOST_LOST_JOBS = 3
 _TERMINAL = frozenset(
     {
@@ -33,19 +33,19 @@ _TERMINAL = frozenset(
 
 @dataclass(frozen=True)
 class Callbacks:
-    """Called one at a time, on the thread or in the event loop of the call. They should return quickly. An exception ends the
-    call, cancels an attached job, and comes out of the call."""
+    """Run one at a time, on the thread or in the event loop of the call. They should return quickly. An exception ends
+    the call, cancels an attached job, and comes out of the call."""
 
-    #: Every point of the job's way.
+    #: Called for every progress message.
     on_progress: Optional[Callable[[Progress], None]] = None
-    #: Every event, in order. After the loss of both connection and job, events start again at 1 with the name of a new job.
+    #: Every event, in order. If both connection and job are lost, events start again at 1 with the name of a new job.
     on_event: Optional[Callable[[Event], None]] = None
-    #: The connection broke, or the server is full; another attempt has been waited for, for so many seconds.
+    #: The connection broke or the server is full; called with the error and the seconds waited before the next attempt.
     on_retry: Optional[Callable[[Error, float], None]] = None
 
 
 class Control:
-    """What other threads may do to an unwrap that runs."""
+    """Lets other threads cancel or stop a running unwrap."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -64,20 +64,20 @@ class Control:
             self._job = name
 
     def cancel(self) -> str:
-        """The job to be cancelled on the server; empty if there is none yet: the call does that as soon as there is."""
+        """The job to cancel on the server; empty if there is none yet, which the call then cancels once it exists."""
         with self._lock:
             self.cancelled.set()
             return self._job
 
     def stop(self) -> str:
-        """Likewise, the job to be stopped."""
+        """The same for stopping."""
         with self._lock:
             self.stopped.set()
             return self._job
 
 
 class Follower:
-    """Of one call, once."""
+    """Follows the job of one call. Use once."""
 
     def __init__(
         self,
@@ -97,14 +97,14 @@ class Follower:
         self._trace = trace
         self._deadline = deadline
         self._callbacks = callbacks
-        self._unwrap = unwrap  # an UnwrapRequest, or None: `watch` is the name of a job that exists
+        self._unwrap = unwrap  # an UnwrapRequest, or None: `watch` is the name of an existing job
         self._mesh = mesh  # of `unwrap`
         self._wants_uv = wants_uv
         self._control = control or Control()
         self._patience = calls.patience_for_new_job(deadline)
         self._name = watch
         self._sequence = after_sequence
-        self._lost_stream = False  # of the present job
+        self._lost_stream = False  # of the current job
         self._lost_jobs = 0
         self._abandons = False  # a callback raised
         self._sent = False  # the server may have `unwrap`
@@ -114,7 +114,7 @@ class Follower:
         self.last_event: Optional[float] = None
 
     async def run(self) -> None:
-        """Returns when the job ended, whatever the end, and its UV are here if it succeeded and they are wanted."""
+        """Returns when the job has ended, in any state, with its UV if it succeeded and they are wanted."""
         try:
             while not self._is_complete():
                 await self._run_one_stream()
@@ -123,7 +123,7 @@ class Follower:
             if is_own and not error.job:  # type: ignore[attr-defined]
                 error.job = self._name  # type: ignore[attr-defined]
             if not is_own and self._unwrap is not None and not self._unwrap.detached:
-                # Ctrl-C, a task that was cancelled, or a callback that raised.
+                # Ctrl-C, a cancelled task, or an exception of a callback.
                 await self._calls.cancel_while_leaving(self._name, self._unwrap if self._sent else None)
             raise
 
@@ -140,7 +140,7 @@ class Follower:
         stream = self._open()
         try:
             if self._lost_stream and self._name:
-                await self._repeat_wishes()  # they may have been lost with the connection
+                await self._repeat_wishes()  # requests may have been lost with the connection
             while True:
                 try:
                     message = await stream.read()
@@ -155,7 +155,7 @@ class Follower:
                 else:
                     self._take_uv(message.uv)
         finally:
-            stream.cancel()  # does nothing to a stream that has ended
+            stream.cancel()  # no effect on a stream that has ended
         await self._on_stream_end()
 
     def _open(self) -> Stream:
@@ -174,7 +174,7 @@ class Follower:
 
     async def _take_event(self, event: Any) -> None:
         if event.sequence <= self._sequence:
-            return  # seen before the connection broke
+            return  # received before the connection broke
         self._sequence = event.sequence
         now = time.monotonic()
         if self.first_event is None:
@@ -194,7 +194,7 @@ class Follower:
             return
         self._name = name
         self._control.job = name
-        await self._repeat_wishes()  # what came before there was a job to ask it of
+        await self._repeat_wishes()  # requests made before the job existed
 
     async def _repeat_wishes(self) -> None:
         if self._control.cancelled.is_set():
@@ -222,12 +222,12 @@ class Follower:
             raise self._cancelled()
         is_new = self._unwrap is not None and not self._name
         if is_new and error.reason == "DRAINING" and not self._lost_stream:
-            raise error  # a server that takes no new jobs is not coming back soon
+            raise error  # a draining server will not accept jobs again soon
         if is_new and error.reason == "UPLOAD_NOT_FOUND" and self._unwrap.spec.upload:
-            self._start_anew()  # the server has forgotten the upload
+            self._start_anew()  # the server has lost the upload
             return
         if isinstance(error, errors.NotFound) and self._unwrap is not None and self._lost_stream and self._name:
-            self._start_anew()  # the server that had the job, or its UV, has them no more
+            self._start_anew()  # the server has lost the job or its UV
             return
         self._lost_stream = self._lost_stream or is_broken(error)
         if not is_new and not is_broken(error):
@@ -247,10 +247,10 @@ class Follower:
         if self._unwrap is None:
             return
         if self.job.state == job_pb2.JOB_STATE_CANCELLED and self._lost_stream and not self._control.cancelled.is_set():
-            self._start_anew()  # the server noticed the loss of the stream and cancelled the job that it belonged to
+            self._start_anew()  # the server noticed the loss of the stream and cancelled its job
         elif self.job.state == job_pb2.JOB_STATE_FAILED and self._lost_jobs < _MOST_LOST_JOBS:
             if error_of_job(self.job).reason == "MESH_LOST":
-                self._start_anew()  # the server's store has lost the mesh; it is here
+                self._start_anew()  # the server's store has lost the mesh, so it is sent again
 
     def _start_anew(self) -> None:
         self._lost_jobs += 1
@@ -263,9 +263,9 @@ class Follower:
         self._name, self._sequence, self._lost_stream = "", 0, False
         self._control.job = ""
         self.job, self.uv = job_pb2.Job(), bytearray()
-        self._unwrap.request_id = new_request_id()  # the old one stands for the job that is gone
+        self._unwrap.request_id = new_request_id()  # the old one belongs to the lost job
         if self._mesh is not None:
-            set_arrays(self._unwrap.spec, self._mesh)  # what was uploaded may be gone with it
+            set_arrays(self._unwrap.spec, self._mesh)  # the upload may be lost with it
 
     def _cancelled(self) -> Error:
         if self._unwrap is None:
@@ -283,7 +283,7 @@ async def unwrap(
     traceparent: str,
     control: Optional[Control] = None,
 ) -> Result:
-    """Flattens a mesh in one call and brings its UV."""
+    """Flattens a mesh in one call and returns its UV."""
     start = time.monotonic()
     trace, deadline = Trace(traceparent), Deadline(timeout)
     mesh = job.pack()
@@ -310,7 +310,7 @@ async def attach(
     traceparent: str,
     control: Optional[Control] = None,
 ) -> Result:
-    """Follows a job that exists and brings its UV. Leaving does not touch the job."""
+    """Follows an existing job and returns its UV. Leaving does not affect the job."""
     start = time.monotonic()
     trace, deadline = Trace(traceparent), Deadline(timeout)
     follower = Follower(calls, trace, deadline, callbacks, watch=name, control=control)
@@ -321,7 +321,7 @@ async def attach(
 async def watch(
     calls: Calls, name: str, callbacks: Callbacks, *, after_sequence: int, timeout: Optional[float]
 ) -> Job:
-    """Follows a job until it ended, whatever the end."""
+    """Follows a job until it ends, in any state."""
     follower = Follower(
         calls, Trace(), Deadline(timeout), callbacks, watch=name, after_sequence=after_sequence, wants_uv=False
     )

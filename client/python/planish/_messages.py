@@ -1,7 +1,7 @@
-"""Message classes out of the descriptors of the published protos.
+"""Makes message classes from the descriptors of the published protos.
 
-What protoc writes for Python works with the versions of protobuf's library around its own. The modules that the build puts into
-`planish.v1` and `planish.rpc` use what all versions have, from 3.12 on, by way of this.
+Python code made by protoc works only with versions of protobuf near its own. The modules that the build puts into
+`planish.v1` and `planish.rpc` use only what all versions from 3.12 on have, through this module.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ def _class_of(descriptor: Any) -> Any:
 
 
 def build(module: Dict[str, Any], name: str, imports: "tuple[str, ...]", file: str) -> None:
-    """Puts what a module `*_pb2` has into `module`, its globals. `name`: of the .proto file; `imports`: the modules of those that it
+    """Adds the contents of a module `*_pb2` to `module`, its globals. `name`: of the .proto file; `imports`: the
+    modules of those that it
     imports; `file`: its FileDescriptorProto, in base64."""
     for each in imports:
         importlib.import_module(each)

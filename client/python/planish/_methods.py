@@ -1,4 +1,4 @@
-"""What a server can be asked: the methods of both clients, written once, as coroutines."""
+"""The methods of both clients, written once, as coroutines."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ R = TypeVar("R")
 
 
 class Connected:
-    """A connection to one server, made by the first call and again when it is lost. Can be pickled, without it."""
+    """A connection to one server, made by the first call and re-established when lost. Pickling leaves the
+    connection out."""
 
-    _control: Optional[Control] = None  # of an unwrap on a thread of its own
+    _control: Optional[Control] = None  # of an unwrap on its own thread
 
     def __init__(
         self,
@@ -85,16 +86,17 @@ class Methods:
     ) -> Result:
         """Flattens a mesh and waits for the UV.
 
-        `positions` (V, 3) and `triangles` (F, 3): whatever numpy takes for an array; see :class:`planish.NewJob`.
-        `more`: given seams (`seam_edges`, `seam_corners`, `parts`, `uncut_corners`), `face_polygon`, `face_atlas` and `face_weights`, see
-        :class:`planish.NewJob`, and fields of :class:`planish.UnwrapOptions`, which go before those of `options`:
-        ``unwrap(v, f, seams="needed", parts=labels)``, ``unwrap(v, f, face_atlas=labels)``.
-        `detached`: the job survives the loss of its caller. `timeout`: seconds for the whole call; the job is cancelled when
-        they pass. `request_id`: the same id gets the same job. `traceparent`: the W3C trace that the call continues; empty:
-        $TRACEPARENT or a new one. The callbacks are those of :class:`planish.Callbacks`.
+        `positions` (V, 3) and `triangles` (F, 3): anything that numpy converts to an array; see
+        :class:`planish.NewJob`. `more`: given seams (`seam_edges`, `seam_corners`, `parts`, `uncut_corners`),
+        `face_polygon`, `face_atlas` and `face_weights`, see :class:`planish.NewJob`, and fields of
+        :class:`planish.UnwrapOptions`, which override those of `options`: ``unwrap(v, f, seams="needed",
+        parts=labels)``, ``unwrap(v, f, face_atlas=labels)``. `detached`: the job continues if its caller disconnects.
+        `timeout`: seconds for the whole call; the job is cancelled when they pass. `request_id`: the same id gets the
+        same job. `traceparent`: the W3C trace of the call; empty: $TRACEPARENT or a new one. The callbacks are those of
+        :class:`planish.Callbacks`.
 
-        Ctrl-C cancels the job on the server, cancelling the task does so too. Raises :class:`planish.ArrayError` before anything is sent,
-        :class:`planish.ResourceExhausted`, and whatever the job failed with.
+        Ctrl-C cancels the job on the server, as does cancelling the task. Raises :class:`planish.ArrayError` before
+        anything is sent, :class:`planish.ResourceExhausted`, and the error of a failed job.
         """
         job = new_job(positions, triangles, options, scheduling, labels, request_id, more)
         callbacks = Callbacks(on_progress, on_event, on_retry)
@@ -120,8 +122,8 @@ class Methods:
         on_event: Optional[Callable[[Event], None]] = None,
         on_retry: Optional[Callable[[Error, float], None]] = None,
     ) -> Result:
-        """Follows a job until it ended and brings its UV. If the mesh is given, the job must be of that one (MESH_MISMATCH).
-        Leaving does not touch the job. Raises :class:`planish.NotFound`: JOB_NOT_FOUND, RESULT_EXPIRED."""
+        """Follows a job until it ends and returns its UV. If a mesh is given, it must be the job's (MESH_MISMATCH).
+        Leaving does not affect the job. Raises :class:`planish.NotFound`: JOB_NOT_FOUND, RESULT_EXPIRED."""
         mesh = None if positions is None else pack_mesh(positions, triangles)
         callbacks = Callbacks(on_progress, on_event, on_retry)
         return await _follow.attach(self._calls, job, mesh, callbacks, timeout=timeout, traceparent=traceparent)
@@ -141,14 +143,15 @@ class Methods:
         request_id: str = "",
         **more: Any,
     ) -> Job:
-        """Queues a job and returns as soon as the server has it; :meth:`attach` brings the UV. Parameters: :meth:`unwrap`."""
+        """Queues a job and returns once the server has accepted it; :meth:`attach` fetches the UV. Parameters:
+        :meth:`unwrap`."""
         job = new_job(positions, triangles, options, scheduling, labels, request_id, more)
         return await self._calls.create_job(job, timeout)
 
     async def create_jobs(self, jobs: Sequence[NewJob]) -> List[Union[Job, Error]]:
-        """Queues several jobs with few calls. One that is refused hurts no other: in its place is the error, in the order of
-        `jobs`. A full queue is an error (QUEUE_FULL) of those that it has no room for. Raises if the server cannot be asked;
-        what it has accepted by then, the same request ids bring again."""
+        """Queues several jobs with few calls. A refused job does not affect the others: its place has the error, in the
+        order of `jobs`. Jobs for which the queue has no room fail with QUEUE_FULL. Raises if the server cannot be
+        reached; accepted jobs are found again with the same request ids."""
         return await self._calls.create_jobs(jobs)
 
     async def watch_job(
@@ -161,7 +164,7 @@ class Methods:
         on_event: Optional[Callable[[Event], None]] = None,
         on_retry: Optional[Callable[[Error, float], None]] = None,
     ) -> Job:
-        """Follows a job until it ended, whatever the end. Events after `after_sequence` only."""
+        """Follows a job until it ends, in any state. Only events after `after_sequence`."""
         callbacks = Callbacks(on_progress, on_event, on_retry)
         return await _follow.watch(self._calls, job, callbacks, after_sequence=after_sequence, timeout=timeout)
 
@@ -170,13 +173,13 @@ class Methods:
         return await self._calls.get_job(job)
 
     async def wait_job(self, job: str, timeout: Optional[float] = None) -> Job:
-        """The job when it has ended, or after so many seconds as it is then: like :meth:`watch_job`, but by calls that are
-        over after some seconds each, for networks that cut streams."""
+        """Waits until the job has ended, at most `timeout` seconds, and returns it: like :meth:`watch_job`, but by
+        calls of some seconds each, for networks that cut streams."""
         return await self._calls.wait_job(job, timeout)
 
     async def read_result(self, job: str, offset: int, size: int) -> bytes:
-        """`size` bytes of the UV of a job that SUCCEEDED from byte `offset` on, as planish.v1.UvDescription lays them out;
-        fewer where the UV end."""
+        """`size` bytes of the UV of a job that SUCCEEDED from byte `offset` on, in the layout of
+        planish.v1.UvDescription; fewer at the end of the UV."""
         return await self._calls.read_result(job, offset, size)
 
     async def list_jobs(self, limit: int = 50, filter: str = "") -> List[Job]:
@@ -189,11 +192,11 @@ class Methods:
         return await self._calls.stop_job(job)
 
     async def cancel_job(self, job: str) -> Job:
-        """The job, now CANCELLED or STOPPING; one that ended already is left as it is."""
+        """Returns the job, now CANCELLED or STOPPING. No effect on a job that has ended."""
         return await self._calls.cancel_job(job)
 
     async def delete_job(self, job: str) -> None:
-        """Forgets a job that has ended, and its UV. Raises :class:`planish.FailedPrecondition` for one that has not."""
+        """Deletes an ended job and its UV. Raises :class:`planish.FailedPrecondition` if the job has not ended."""
         await self._calls.delete_job(job)
 
     # The server
@@ -201,12 +204,12 @@ class Methods:
     async def estimate(
         self, /, triangles: int, vertices: int = 0, *, options: Optional[UnwrapOptions] = None, **more: Any
     ) -> JobEstimate:
-        """What unwrapping a mesh of so many triangles and vertices (0: half as many as triangles) would need."""
+        """What unwrapping a mesh of this size would need. `vertices` 0: half as many as triangles."""
         job = new_job(None, None, options, None, None, "", more)
         return await self._calls.estimate(job, triangles, vertices)
 
     async def capabilities(self) -> Capabilities:
-        """What this server can do."""
+        """The capabilities of this server."""
         return await self._calls.capabilities()
 
 
@@ -219,7 +222,7 @@ class Controlled(Methods):
 
 
 def blocking(method: Callable[Concatenate[Any, P], Coroutine[Any, Any, R]]) -> Callable[Concatenate[Any, P], R]:
-    """The method of a client with a blocking transport: returns what the coroutine does."""
+    """The method of a client with a blocking transport: runs the coroutine and returns its result."""
 
     @functools.wraps(method)
     def call(self: Any, /, *arguments: P.args, **keywords: P.kwargs) -> R:

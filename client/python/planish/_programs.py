@@ -1,4 +1,4 @@
-"""The programs that this package brings. Of the standard library alone, so that it can be used where gRPC is missing."""
+"""The programs in this package. Uses only the standard library, so that it works without gRPC."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ def is_program(path: str) -> bool:
 
 
 def own_program(name: str) -> Optional[str]:
-    """The program ``planishd`` or ``planish`` that this package brings: its wheel for Linux has them. None if it brings none."""
+    """The path of ``planishd`` or ``planish`` in this package. None if it has none; the wheel for Linux has both."""
     root = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_server")
     program = os.path.join(root, "bin", name)
-    # Not all that unpacks wheels keeps the modes of files: Blender does not. One program starts the other.
+    # Some unpackers of wheels, such as Blender, do not keep the modes of files. One program starts the other.
     parts = [os.path.join(root, "lib", "loader")] + [
         os.path.join(root, folder, each) for folder in ("bin", "libexec") for each in ("planish", "planishd")
     ]
@@ -23,5 +23,5 @@ def own_program(name: str) -> Optional[str]:
             try:
                 os.chmod(part, os.stat(part).st_mode | 0o111)
             except OSError:
-                return None  # of another user
+                return None  # another user's file
     return program if is_program(program) else None

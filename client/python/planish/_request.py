@@ -1,4 +1,4 @@
-"""From what a caller says to the messages of `planish.v1`."""
+"""Converts arguments of callers to messages of `planish.v1`."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .job import Scheduling, UnwrapOptions, enum_number
 from .mesh import PackedMesh, pack_mesh
 from .v1 import options_pb2, planish_pb2
 
-#: What belongs to corners and faces of the mesh, beside the mesh itself.
+#: Arguments about corners and faces of the mesh.
 OF_MESH = ("seam_edges", "seam_corners", "parts", "uncut_corners", "face_polygon", "face_atlas", "face_weights")
 _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions))
 
 
 @dataclass(frozen=True, eq=False)
 class NewJob:
-    """A mesh and what is to be done with it."""
+    """A mesh and how to unwrap it."""
 
     positions: Any  #: (V, 3), real numbers in any unit; they travel in single precision, doubles far from the origin less a common point
     triangles: Any  #: (F, 3), integers: three vertices each, 0-based, counter-clockwise seen from outside
@@ -27,18 +27,18 @@ class NewJob:
     seam_corners: Any = None  #: corner 3 f + k faces the edge between the other two corners of triangle f: a given seam
     parts: Any = None  #: (F,), integers: a given seam runs wherever the labels of two triangles differ
     uncut_corners: Any = None  #: corners that face edges at which no seam is added
-    #: (F,), integers below F: the polygon that each triangle comes from. A polygon stays in one piece, so that each of its corners
-    #: has one UV: no seam follows its diagonals.
+    #: (F,), integers below F: the polygon that each triangle comes from. A polygon is never cut, so that each of its
+    #: corners has one UV: no seam follows its diagonals.
     face_polygon: Any = None
-    face_atlas: Any = None  #: (F,), integers from 0 on: the atlas that each triangle goes into; charts end where it differs
-    #: (F,), numbers in [0.01, 100]: so many times the texels per length. Charts end where it differs; with seams="keep" they do
-    #: not, and have the mean of their triangles by area.
+    face_atlas: Any = None  #: (F,), integers from 0 on: the atlas of each triangle; charts end where it changes
+    #: (F,), numbers in [0.01, 100]: factor on the texel density. Charts end where it changes; with seams="keep" they do
+    #: not, and get the mean of their triangles by area.
     face_weights: Any = None
     options: UnwrapOptions = field(default_factory=UnwrapOptions)
     scheduling: Scheduling = field(default_factory=Scheduling)
-    #: Whatever helps to find the job again. At most 32; keys of a-z, 0-9, "-" and "_", values of at most 256 bytes.
+    #: For finding the job again. At most 32; keys of a-z, 0-9, "-" and "_", values of at most 256 bytes.
     labels: Mapping[str, str] = field(default_factory=dict)
-    #: Makes a repeated call safe: the same id gets the same job. At most 128 characters; empty: a fresh UUID.
+    #: Makes repeated calls safe: the same id gets the same job. At most 128 characters; empty: a new UUID.
     request_id: str = ""
 
     def pack(self) -> PackedMesh:
@@ -65,7 +65,7 @@ def new_job(
     request_id: str,
     more: Dict[str, Any],
 ) -> NewJob:
-    """`more`: what :data:`OF_MESH` names and fields of UnwrapOptions, as keywords of the call."""
+    """`more`: keyword arguments of the call, from :data:`OF_MESH` and the fields of UnwrapOptions."""
     of_mesh = {key: more.pop(key, None) for key in OF_MESH}
     unknown = sorted(set(more) - _OPTION_NAMES)
     if unknown:
@@ -86,13 +86,13 @@ def new_request_id() -> str:
 
 
 def set_arrays(spec: Any, mesh: PackedMesh) -> None:
-    """The mesh itself, in place of what stood for it."""
+    """Puts the mesh itself into the spec."""
     spec.arrays.positions = mesh.positions
     spec.arrays.triangles = mesh.triangles
 
 
 def spec_message(job: NewJob, mesh: Optional[PackedMesh], upload: str = "") -> Any:
-    """The JobSpec; without a mesh if that is None, with the name of its upload if it has one."""
+    """The JobSpec: without a mesh if that is None, with the name of the upload if there is one."""
     spec = planish_pb2.JobSpec()
     if mesh is not None:
         if upload:
@@ -145,7 +145,7 @@ def _set(message: Any, name: str, value: Any) -> None:
             raise _invalid(f"{name} is {value!r}; it must be one of {choices}", name)
         value = number
     elif hasattr(value, "item"):
-        value = value.item()  # a number of numpy's
+        value = value.item()  # a numpy number
     try:
         setattr(message, name, value)
     except (TypeError, ValueError) as error:

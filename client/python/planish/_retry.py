@@ -1,4 +1,4 @@
-"""When a call is made again, after which pause, and when it is given up: the one place that decides."""
+"""Decides whether and when a call is retried."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from typing import Optional
 from . import errors
 from ._status import is_from_server
 
-#: Between attempts to reach a server that was lost.
+#: Between attempts to reach a lost server.
 LONGEST_PAUSE_SECONDS = 5.0
-#: Between attempts to get room on a server that is full and does not say when it will have some.
+#: Between attempts to get room on a full server that gives no retry delay.
 _SHORTEST_ROOM_PAUSE_SECONDS = 0.05
 
 
 @dataclass(frozen=True)
 class RetryPolicy:
-    """How patient a client is. Thread-safe, like all that is never changed."""
+    """How long a client retries. Immutable, so thread-safe."""
 
-    #: A call gives up with SERVER_UNREACHABLE when no connection stands after this time. A refused connection fails at once.
+    #: A call fails with SERVER_UNREACHABLE if it has no connection after this time. A refused connection fails at once.
     connect_timeout_seconds: float = 5.0
-    #: How long calls about a job wait for a server that was lost on the way, from its last word on.
+    #: How long calls about a job wait for a lost server, counted from its last message.
     reattach_seconds: float = 60.0
-    #: The wait between attempts starts with this and doubles up to 5 s, a little at random.
+    #: The delay between attempts starts at this and doubles up to 5 s, with jitter.
     backoff_seconds: float = 0.1
-    #: How long a new job waits for room in a queue or store that is full, at the pace that the server asks for; 0: not at all.
+    #: How long a new job waits for room in a full queue or store, at the pace that the server asks for; 0: no retries.
     queue_full_wait_seconds: float = 60.0
-    #: How long the other calls are repeated; 0: not at all.
+    #: How long other calls are retried; 0: no retries.
     retry_seconds: float = 10.0
 
 
 class Deadline:
-    """The time that the caller gave to a whole call; None: no limit."""
+    """The caller's time limit for a whole call; None: no limit."""
 
     def __init__(self, seconds: Optional[float]) -> None:
         if seconds is not None and not seconds > 0:
@@ -48,19 +48,19 @@ class Deadline:
         return left if most is None else min(left, most)
 
     def check_pause(self, seconds: float, why: errors.Error) -> None:
-        """Raises if the time is over before the pause is."""
+        """Raises if the time limit passes during the pause."""
         if self._end is not None and time.monotonic() + seconds > self._end:
             message = f"the time given to the call passed while waiting: {why.message}"
             raise errors.DeadlineExceeded(message) from why
 
 
 def is_broken(error: errors.Error) -> bool:
-    """Whether the connection broke, as opposed to a server that answered."""
+    """Whether the connection broke. False for errors that the server returned."""
     if isinstance(error, errors.Unavailable):
         return True
     if error.reason == "UPLOAD_BUSY":
-        return True  # by a call that broke, which the server has not noticed yet
-    # Resets and broken frames come from the transport; what the server itself says has a reason of its own.
+        return True  # by a broken call that the server has not noticed yet
+    # Resets and broken frames come from the transport; errors of the server have their own reason.
     return not is_from_server(error) and error.code in ("INTERNAL", "UNKNOWN")
 
 
@@ -72,9 +72,9 @@ def asks_to_wait(error: errors.Error) -> bool:
 
 
 class Patience:
-    """Of one call, over all its attempts.
+    """The patience of one call, over all its attempts.
 
-    `lost_seconds`, `room_seconds`: how long to bear a server that is lost, and one that is full.
+    `lost_seconds`, `room_seconds`: how long to wait for a lost server, and for a full one.
     """
 
     def __init__(self, policy: RetryPolicy, deadline: Deadline, *, lost_seconds: float, room_seconds: float) -> None:
@@ -85,18 +85,18 @@ class Patience:
         self._attempts = 0
         self._lost_since: Optional[float] = None
         self._waited_for_room = 0.0
-        #: For this call a private server has been started again.
+        #: A private server has been restarted for this call.
         self.has_revived = False
 
     def succeeded(self) -> None:
-        """Something came through: the next trouble is a new one."""
+        """After progress: limits count from the next error on."""
         self._attempts = 0
         self._lost_since = None
 
     def pause(self, error: errors.Error, *, reached: bool, target: str) -> float:
-        """Seconds to wait before the next attempt. Raises where there is to be none.
+        """Seconds to wait before the next attempt. Raises if there should be none.
 
-        `reached`: the server has answered this client before. One that was never there is not coming back soon.
+        `reached`: the server has answered this client before. A server that was never reached will hardly appear soon.
         """
         if asks_to_wait(error):
             seconds = max(_SHORTEST_ROOM_PAUSE_SECONDS, error.retry_after_seconds)

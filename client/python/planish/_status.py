@@ -1,4 +1,4 @@
-"""What a server answers when it refuses a call, as exceptions of this package."""
+"""Converts errors of calls and jobs to exceptions of this package."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from . import errors
 from ._connection import Connection, is_unix
 from .rpc import error_details_pb2, status_pb2
 
-# The messages of google.rpc are compiled under a name of this package's own, so that they do not get in the way of other
-# packages that bring them. On the wire they keep the name that Google gave them.
+# The messages of google.rpc are compiled under a name of this package, so that they do not conflict with other
+# packages. On the wire they keep Google's name.
 _PREFIX = "google.rpc."
 
-# What gRPC says where a handshake of TLS failed.
+# Words in gRPC's message for a failed TLS handshake.
 _WORDS_OF_TLS = ("SSL", "certificate", "Peer name")
 
-#: Reasons of errors that no server has said.
+#: Reasons of errors that did not come from a server.
 _UNREACHABLE = ("SERVER_UNREACHABLE", "TLS_FAILED")
 
 
@@ -48,7 +48,7 @@ def error_of_call(rpc_error: Any, connection: Connection, reached: bool) -> erro
     if number == 14:
         return _unreachable(message, connection, reached)
     if number == 1:
-        # Nobody here waits for a call that was cancelled here: a server that shuts down ends its calls so.
+        # Nobody here waits for a call that was cancelled here, so the server ended it: it is shutting down.
         return errors.Unavailable(
             f"the planish server at {connection.target} ended the call", reason="CONNECTION_LOST"
         )
@@ -71,10 +71,10 @@ def _unreachable(message: str, connection: Connection, reached: bool) -> errors.
 
 
 def is_from_server(error: errors.Error) -> bool:
-    """Whether the server itself said it: then it has been reached. What the transport says has no reason of its own."""
+    """Whether the error came from the server, so that it was reached. Errors of the transport have no reason."""
     return error.reason not in (error.code, *_UNREACHABLE)
 
 
 def is_unreachable(error: errors.Error) -> bool:
-    """Whether no connection stood."""
+    """Whether there was no connection."""
     return error.reason in _UNREACHABLE

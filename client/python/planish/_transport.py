@@ -1,6 +1,6 @@
-"""The two ways to gRPC: blocking, and in an event loop of asyncio.
+"""The two transports over gRPC: blocking, and in an asyncio event loop.
 
-What is said to a server stands once, in coroutines (`_calls.py`, `_follow.py`). They wait for nothing but a transport. The
+The protocol is written once, in coroutines (`_calls.py`, `_follow.py`), which only wait for a transport. The
 methods of the blocking transport never suspend, so :func:`run_blocking` can step through such a coroutine without a loop.
 """
 
@@ -24,7 +24,7 @@ from .v1 import planish_pb2_grpc
 Metadata = Sequence[Tuple[str, str]]
 _T = TypeVar("_T")
 
-#: A last word to the server, when the caller wants to leave, may take so long.
+#: Time limit of the last call when a caller leaves.
 LAST_WORD_SECONDS = 5.0
 
 
@@ -41,11 +41,11 @@ class Stream:
     """The answers of one streaming call."""
 
     async def read(self) -> Any:
-        """The next message; None at the end."""
+        """The next message; None after the last one."""
         raise NotImplementedError
 
     def cancel(self) -> None:
-        """Ends the call. From any thread."""
+        """Ends the call. May be called from any thread."""
         raise NotImplementedError
 
 
@@ -64,11 +64,11 @@ class Transport:
         raise NotImplementedError
 
     async def close(self) -> None:
-        """Calls under way end; a later one connects again."""
+        """Ends running calls; a later call connects again."""
         raise NotImplementedError
 
     async def sleep(self, seconds: float, wake: Optional[threading.Event] = None) -> None:
-        """Waits. A blocking wait ends early when `wake` is set."""
+        """Sleeps. A blocking sleep ends early when `wake` is set."""
         raise NotImplementedError
 
     def _error(self, error: Any) -> errors.Error:
@@ -83,12 +83,12 @@ _transports: "weakref.WeakSet[Any]" = weakref.WeakSet()
 # This process has a channel, or was forked from one that had: gRPC does not survive that.
 _has_channel = False
 _was_forked = False
-# Closing what a parent left would wait for threads that are not here.
+# Closing a parent's channels would wait for threads that do not exist here.
 _left_by_parent: List[Any] = []
 
 
 def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any, Any]:
-    """A channel and the stub on it; of a process of their own where gRPC cannot be used in this one."""
+    """A channel and its stub; in a helper process if gRPC cannot be used in this one."""
     global _has_channel
     if _was_forked:
         bridge = Bridge(connection)
@@ -99,7 +99,7 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
 
 
 def _outgoing(method: str, request: Any) -> Any:
-    """What the stub takes: of a call with many messages, this one."""
+    """The argument of the stub: an iterator for calls that stream requests."""
     return iter([request]) if METHODS[method].client_streaming else request
 
 
@@ -122,7 +122,7 @@ if hasattr(os, "register_at_fork"):
 
 
 class BlockingTransport(Transport):
-    """Thread-safe. A forked child gets a channel of its own: the parent's cannot be used there."""
+    """Thread-safe. A forked child gets a new channel, since it cannot use the parent's."""
 
     def __init__(self, connection: Connection) -> None:
         super().__init__(connection)
@@ -189,7 +189,7 @@ class _BlockingStream(Stream):
 
 
 class AioTransport(Transport):
-    """With a channel for each event loop that uses it. Likewise, a forked child gets one of its own."""
+    """Has a channel for each event loop that uses it. A forked child gets a new one."""
 
     def __init__(self, connection: Connection) -> None:
         super().__init__(connection)
@@ -210,7 +210,7 @@ class AioTransport(Transport):
         return getattr(known[2], name)
 
     async def close(self) -> None:
-        """Ends what is under way in this event loop; a later call connects again."""
+        """Ends running calls in this event loop; a later call connects again."""
         known = self._stubs.pop(id(asyncio.get_running_loop()), None)
         if known is not None:
             closing = known[1].close()

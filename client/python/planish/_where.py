@@ -1,4 +1,4 @@
-"""Which server a client without an address talks to."""
+"""Chooses the server of a client without an address."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ._connection import ConnectionOptions
 from ._retry import RetryPolicy
 from .private_server import default_server
 
-#: A private server that was lost comes back at once (private_server.revive()), or not at all.
+#: A lost private server returns at once (private_server.revive()), or not at all.
 _PRIVATE_PATIENCE_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
 class Server:
-    """A server and the way to it, with nothing left open."""
+    """A server and how to connect to it, with all defaults filled in."""
 
     target: str
     connection: ConnectionOptions
@@ -27,7 +27,7 @@ class Server:
 def server_of(
     target: Optional[str], connection: Optional[ConnectionOptions], retry: Optional[RetryPolicy]
 ) -> Server:
-    """`target` None: $PLANISH_SERVER, else the private server of this process, to which nobody has to say who calls."""
+    """`target` None: $PLANISH_SERVER, else the private server of this process, which needs no credentials."""
     retry = retry or RetryPolicy()
     named = target if target is not None else os.environ.get("PLANISH_SERVER", "")
     if named:

@@ -26,8 +26,8 @@ class AsyncClient(Connected, Methods):
         connection: Optional[ConnectionOptions] = None,
         retry: Optional[RetryPolicy] = None,
     ) -> None:
-        """As :class:`planish.Client`. Without a target and $PLANISH_SERVER this may start a private server, which blocks for
-        some tenths of a second."""
+        """Like :class:`planish.Client`. Without a target and $PLANISH_SERVER this may start a private server, which
+        blocks for some tenths of a second."""
         super().__init__(AioTransport, target, connection, retry)
 
     async def __aenter__(self) -> "AsyncClient":
@@ -37,7 +37,7 @@ class AsyncClient(Connected, Methods):
         await self.close()
 
     async def close(self) -> None:
-        """Ends the connection, and calls under way with it."""
+        """Ends the connection and running calls."""
         await self._calls.transport.close()
 
     def start_unwrap(self, positions: Any, triangles: Any, **arguments: Any) -> "asyncio.Task[Result]":

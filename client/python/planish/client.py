@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Call:
-    """An unwrap on a thread of its own, made by :meth:`Client.start_unwrap`. All methods are thread-safe."""
+    """An unwrap on its own thread, made by :meth:`Client.start_unwrap`. All methods are thread-safe."""
 
     def __init__(self, client: "Client", run: Callable[[Control], Result]) -> None:
         self._client = client
@@ -36,7 +36,7 @@ class Call:
     def _run(self, run: Callable[[Control], Result]) -> None:
         try:
             self._result = run(self._control)
-        except BaseException as error:  # handed to whoever asks for the result
+        except BaseException as error:  # passed on to the caller of result()
             self._error = error
         finally:
             self._done.set()
@@ -47,8 +47,8 @@ class Call:
         return self._control.job
 
     def cancel(self) -> None:
-        """Asks the server to cancel the job. The call then ends with :class:`planish.Cancelled`, or with its result if that
-        was quicker."""
+        """Asks the server to cancel the job. The call then ends with :class:`planish.Cancelled`, or with its result if
+        the job finished before."""
         job = self._control.cancel()
         if job:
             self._client.cancel_job(job)
@@ -65,11 +65,11 @@ class Call:
         return self._done.is_set()
 
     def wait(self, timeout: Optional[float] = None) -> bool:
-        """Whether the call ended within so many seconds; None: however long it takes."""
+        """Waits at most `timeout` seconds (None: no limit); returns whether the call has ended."""
         return self._done.wait(timeout)
 
     def result(self, timeout: Optional[float] = None) -> Result:
-        """Waits for the end: the result, or raises the error. TimeoutError if the call has not ended in time."""
+        """Waits for the end; returns the result or raises the error. TimeoutError if the call has not ended in time."""
         if not self._done.wait(timeout):
             raise TimeoutError(f"the call has not ended within {timeout} s")
         if self._error is not None:
@@ -88,19 +88,19 @@ def _on_a_thread(
         )
 
     start.__name__ = f"start_{method.__name__}"
-    start.__doc__ = """As :meth:`unwrap` on a thread of its own, where the callbacks are called too. The arrays must not change meanwhile."""
+    start.__doc__ = """Like :meth:`unwrap`, on its own thread, which also runs the callbacks. The arrays must not change meanwhile."""
     return start
 
 
 class Client(Connected):
-    """A connection to one server, made by the first call and again when it is lost. Thread-safe; a context manager.
+    """A connection to one server, made by the first call and re-established when lost. Thread-safe; a context manager.
 
-    A forked child may go on with a client of its parent: it gets a channel of its own. A client can be pickled, for processes
+    A forked child may use its parent's client: it gets a new channel. A client can be pickled, for processes
     that are spawned.
 
-    Calls raise :class:`planish.Error`. What a network and a server may do in between stays inside: a broken connection is
-    taken up where it ended, a server that was restarted is waited for, a full queue too, and what is safe to repeat is
-    repeated, at the pace that the server asks for.
+    Calls raise :class:`planish.Error`. The client handles failures of network and server: it resumes broken streams,
+    waits while a server restarts or its queue is full, and retries calls that are safe to repeat, at the pace that the
+    server asks for.
     """
 
     def __init__(
@@ -110,10 +110,10 @@ class Client(Connected):
         connection: Optional[ConnectionOptions] = None,
         retry: Optional[RetryPolicy] = None,
     ) -> None:
-        """`target`: "host:port" or "unix:/path". None: $PLANISH_SERVER, and where that is not set, a private server that is
+        """`target`: "host:port" or "unix:/path". None: $PLANISH_SERVER or, if that is not set, a private server that is
         started for this process by the first client without a target and shared by all of them.
 
-        `connection`: TLS and tokens; None: what the environment says. `retry`: how patient the client is.
+        `connection`: TLS and tokens; None: from the environment. `retry`: how long the client retries.
         """
         super().__init__(BlockingTransport, target, connection, retry)
 
@@ -141,7 +141,7 @@ class Client(Connected):
 
     @blocking
     async def close(self) -> None:
-        """Ends the connection, and calls under way with it."""
+        """Ends the connection and running calls."""
         await self._calls.transport.close()
 
 
@@ -152,7 +152,7 @@ _default: Optional[Client] = None
 
 
 def default_client() -> Client:
-    """The client of :func:`planish.unwrap` and of the functions in the shape of xatlas's: kept for the process, made anew when
+    """The client of :func:`planish.unwrap` and of xatlas's functions. Kept for the process; replaced when
     $PLANISH_SERVER changes or the private server was lost."""
     global _default
     with _lock:

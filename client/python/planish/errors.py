@@ -5,27 +5,28 @@ from __future__ import annotations
 import re
 from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
 
-_MOST_NAMED = 4  # of a kind, in str(error)
+_MOST_NAMED = 4  # of each kind, in str(error)
 
 
 class Error(Exception):
-    """A call that failed, or a job that was waited for and did not succeed. ``str(error)`` is a sentence for people, with
-    the first few of the elements at fault; ``error.message`` is the sentence alone.
+    """A failed call, or a job that did not succeed. ``str(error)`` is a sentence for people, with
+    the first few elements at fault; ``error.message`` is only the sentence.
 
-    ``reason`` is for programs: a reason of ``planish.v1.Job.error`` or of a call, or one of this package's own:
+    ``reason`` is for programs: a reason of ``planish.v1.Job.error`` or of a call, or one of this package:
 
     ================================  ==================================================================
     ``SERVER_UNREACHABLE``            no connection (:class:`Unavailable`)
-    ``TLS_FAILED``                    no connection, because of a certificate, or one side speaks TLS alone
+    ``TLS_FAILED``                    no connection, because of a certificate, or because only one side uses TLS
                                       (:class:`Unavailable`)
     ``CONNECTION_LOST``               the connection broke and re-attaching failed (:class:`Unavailable`)
     ``COMMAND_MISSING``               the command ``planish`` was not found (:class:`Unavailable`)
     ``PRIVATE_SERVER_FAILED``         ``planishd`` was not found or did not start (:class:`Unavailable`)
     ``DEADLINE_EXCEEDED``             the ``timeout`` of the call passed (:class:`DeadlineExceeded`)
     ``CANCELLED``                     by the caller, or by somebody else on the server (:class:`Cancelled`)
-    ``MESH_MISMATCH``                 the job was made from other arrays (:class:`FailedPrecondition`)
+    ``MESH_MISMATCH``                 the job was created with other arrays (:class:`FailedPrecondition`)
     ``UV_CORRUPT``                    the UV are not those that the server made (:class:`DataLoss`)
-    ``OPTIONS_INVALID``               options that cannot be, or name files that cannot be used (:class:`InvalidArgument`)
+    ``OPTIONS_INVALID``               invalid options, or files that cannot be used
+                                      (:class:`InvalidArgument`)
     ================================  ==================================================================
     """
 
@@ -43,30 +44,30 @@ class Error(Exception):
     ) -> None:
         super().__init__(message)
         self.message = message
-        #: For programs, e.g. ``"QUEUE_FULL"``; the code where nobody gave a reason.
+        #: For programs, e.g. ``"QUEUE_FULL"``; the code if there is no reason.
         self.reason = reason or self.code
-        #: Further facts, e.g. ``{"faces": "12,40"}``; ids are 0-based, of the arrays that were given.
+        #: Details, e.g. ``{"faces": "12,40"}``; ids are 0-based, in the caller's arrays.
         self.metadata: Dict[str, str] = dict(metadata or {})
-        #: Name of the job that failed; empty if the call was refused before there was one.
+        #: Name of the job that failed; empty if the call was refused without a job.
         self.job = job
-        #: Of the trace that the call belonged to, 32 hex digits, as in the server's log; may be empty.
+        #: The id of the call's trace, 32 hex digits, as in the server's log; may be empty.
         self.trace_id = trace_id
-        #: What the server asks to wait before the call is made again; 0 if it does not say.
+        #: How long the server asks to wait before a retry; 0 if it does not say.
         self.retry_after_seconds = retry_after_seconds
 
     @property
     def faces(self) -> List[int]:
-        """Ids of the triangles that the error is about: the first few, where there are many."""
+        """Ids of the triangles at fault; only the first few if there are many."""
         return self._ids("face", "faces")
 
     @property
     def vertices(self) -> List[int]:
-        """Ids of the vertices that the error is about, likewise."""
+        """Ids of the vertices at fault, likewise limited."""
         return self._ids("vertex", "vertices")
 
     @property
     def edges(self) -> List[Tuple[int, int]]:
-        """The edges that the error is about, as pairs of vertices, likewise."""
+        """The edges at fault, as pairs of vertices, likewise limited."""
         pairs = re.findall(r"(\d+)-(\d+)", ",".join(self.metadata.get(key, "") for key in ("edge", "edges")))
         return [(int(a), int(b)) for a, b in pairs]
 
@@ -84,7 +85,7 @@ class Error(Exception):
         return f"{self.message} ({'; '.join(places)})" if places else self.message
 
     def __reduce__(self) -> Tuple[Any, ...]:
-        # Exceptions travel between the processes of a pool.
+        # Exceptions are pickled between the processes of a pool.
         return _rebuild, (type(self), self.message, self._state())
 
     def _state(self) -> Dict[str, Any]:
@@ -108,7 +109,7 @@ class Cancelled(Error):
 
 
 class InvalidArgument(Error, ValueError):
-    """Something that was given is wrong: a mesh, an option, a request. Trying again does not help."""
+    """A mesh, an option or a request is wrong. Retrying does not help."""
 
     code = "INVALID_ARGUMENT"
 
@@ -125,7 +126,7 @@ class ArrayError(InvalidArgument):
 
 
 class DeadlineExceeded(Error):
-    """The time that was given to the call or to the job passed."""
+    """The time limit of the call or of the job passed."""
 
     code = "DEADLINE_EXCEEDED"
 
@@ -143,7 +144,7 @@ class AlreadyExists(Error):
 
 
 class PermissionDenied(Error):
-    """The token lacks the right that the call takes."""
+    """The token lacks the right that the call needs."""
 
     code = "PERMISSION_DENIED"
 
@@ -155,13 +156,13 @@ class ResourceExhausted(Error):
 
 
 class FailedPrecondition(Error):
-    """The call does not go with the state that the job is in."""
+    """The job's state does not allow the call."""
 
     code = "FAILED_PRECONDITION"
 
 
 class Aborted(Error):
-    """Another call was in the way; the same call may succeed in a moment."""
+    """Conflicts with another call; a retry may succeed."""
 
     code = "ABORTED"
 
@@ -173,7 +174,7 @@ class OutOfRange(Error):
 
 
 class Unimplemented(Error):
-    """The server is older than what it was asked for."""
+    """The server is too old for this request."""
 
     code = "UNIMPLEMENTED"
 
@@ -191,13 +192,13 @@ class Unavailable(Error):
 
 
 class DataLoss(Error):
-    """What arrived is not what was sent."""
+    """The received data is damaged."""
 
     code = "DATA_LOSS"
 
 
 class Unauthenticated(Error):
-    """No token, an unknown one, or one whose time is over."""
+    """No token, an unknown one, or an expired one."""
 
     code = "UNAUTHENTICATED"
 

@@ -1,4 +1,4 @@
-"""What goes into a job and what comes out, as plain dataclasses.
+"""Inputs and outputs of jobs, as plain dataclasses.
 
 Enumerations are strings, spelled as the command spells them: ``"auto"``, ``"solve"``; states of jobs are in capitals. A value
 that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``; the classes of options and
@@ -37,15 +37,15 @@ TERMINAL_STATES = frozenset({"SUCCEEDED", "FAILED", "CANCELLED", "EXPIRED"})
 
 @dataclass(frozen=True)
 class Scheduling:
-    """When a job runs, and for how long. Changes what comes out only where a limit is met."""
+    """When a job runs, and for how long. Changes the result only if a limit is reached."""
 
     #: ``"low"``, ``"normal"`` or ``"high"``: a waiting job counts as 10 minutes younger or older; the oldest is next.
     priority: str = "normal"
-    #: From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED. None: no limit.
+    #: Counted from acceptance: a job that has not ended by then fails with DEADLINE_EXCEEDED. None: no limit.
     timeout_seconds: Optional[float] = None
-    #: Of running: a job that runs longer is stopped, and delivers the best map it has (warning STOPPED). None: no limit.
+    #: A job that runs longer is stopped, and delivers its best map so far (warning STOPPED). None: no limit.
     compute_budget_seconds: Optional[float] = None
-    #: Compute anew even if the server has the result for this mesh and these options.
+    #: Compute again even if the server has the result for this mesh and these options.
     fresh: bool = False
 
 
@@ -60,7 +60,7 @@ class StageSeconds(StageTimes):
 
 @dataclass(frozen=True)
 class JobWarning:
-    """A promise that was not kept, or something that the caller should know; reasons as in ``planish.v1.Warning``."""
+    """A promise that was not kept, or something that the caller should know; for reasons see ``planish.v1.Warning``."""
 
     reason: str = ""
     message: str = ""
@@ -79,7 +79,7 @@ class Report(ReportFields):
 
 @dataclass(frozen=True)
 class JobError:
-    """Why a job failed, as data; :class:`planish.Error` is the same thing raised."""
+    """Why a job failed, as data; :class:`planish.Error` is the same as an exception."""
 
     code: str = ""
     reason: str = ""
@@ -89,7 +89,7 @@ class JobError:
 
 @dataclass(frozen=True)
 class Job:
-    """A job, as the server tells of it."""
+    """A job, as the server reports it."""
 
     name: str = ""  #: "jobs/..."
     #: ``"QUEUED"``, ``"RUNNING"``, ``"STOPPING"``, ``"SUCCEEDED"``, ``"FAILED"``, ``"CANCELLED"`` or ``"EXPIRED"``.
@@ -107,7 +107,7 @@ class Job:
     attempts: int = 0  #: times that a worker began with it
     stop_requested: bool = False
     cancel_requested: bool = False
-    result_of: str = ""  #: the job whose work it shares; empty: its own
+    result_of: str = ""  #: the job whose result it shares; or empty
     memory_bytes: int = 0  #: reserved while it runs
     tenant: str = ""
 
@@ -119,7 +119,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a job: exactly one of ``job`` (after a change of state) and ``progress`` is set."""
+    """A change of a job: either ``job`` (after a change of state) or ``progress`` is set."""
 
     sequence: int = 0  #: 1, 2, 3, ... within a job; jumps where events were lost or the server was restarted
     time: Optional[datetime.datetime] = None
@@ -188,7 +188,7 @@ def enum_name(descriptor: Any, number: int) -> str:
 
 
 def enum_number(descriptor: Any, name: str) -> Optional[int]:
-    """The reverse of :func:`enum_name`; None for a name that is none."""
+    """The reverse of :func:`enum_name`; None for unknown names."""
     prefix = descriptor.values_by_number[0].name[: -len("UNSPECIFIED")]
     value = descriptor.values_by_name.get(prefix + name.upper())
     return None if value is None or value.number == 0 else int(value.number)

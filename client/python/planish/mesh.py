@@ -1,4 +1,4 @@
-"""Meshes from numpy to the wire, and UV from corners to vertices."""
+"""Converts numpy meshes for sending, and UV per corner to UV per vertex."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .errors import ArrayError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-#: More triangles than this do not fit into one message.
+#: Upper bound of triangles in one message.
 _MOST_TRIANGLES = (2**31 - 1) // 3
 
 
 @dataclass(frozen=True, eq=False)
 class PackedMesh:
-    """A mesh as it travels. Made by :func:`pack_mesh`, which has checked everything in it."""
+    """A mesh ready for sending. Made by :func:`pack_mesh`, which has checked it."""
 
     positions: bytes  # float32, little-endian, 12 bytes a vertex
     triangles: bytes  # uint32, little-endian, 12 bytes a triangle
@@ -33,7 +33,7 @@ class PackedMesh:
 
     @property
     def byte_count(self) -> int:
-        """As the server counts it against its limit."""
+        """Its size, as counted by the server's limit."""
         return len(self.positions) + len(self.triangles) + sum(values.nbytes for values in self.elements.values())
 
     def sha256(self) -> bytes:
@@ -46,8 +46,8 @@ class PackedMesh:
         return len(self.positions) // 12
 
     def draco(self) -> bytes:
-        """The same mesh as a Draco file, which is what uploads take: sequential, not compressed, in the same order. For meshes with no
-        more vertices than corners: Draco's decoder refuses others.
+        """The same mesh as a Draco file, the format of uploads: sequential, not compressed, in the same order. For
+        meshes with no more vertices than corners: Draco's decoder refuses others.
 
         Bitstream 2.2: header, counts, indices as they are, one attribute of three floats with its values as they are.
         """
@@ -105,7 +105,7 @@ def _varint(number: int) -> bytes:
 
 
 def _draco_indices(faces: Any, vertices: int) -> bytes:
-    """As wide as Draco has them for so many vertices."""
+    """Indices with Draco's width for this many vertices."""
     if vertices >= 1 << 21:
         return faces.astype("<u4").tobytes()  # type: ignore[no-any-return]
     if vertices >= 1 << 16:  # as varints, of three bytes at most
@@ -128,7 +128,7 @@ def _refused(argument: str, message: str, reason: str, metadata: Optional[Dict[s
 def _as_array(argument: str, value: Any, kinds: str, wanted: str, reason: str) -> Any:
     try:
         array = np.asarray(value)
-    except Exception as error:  # of whatever library the value comes from
+    except Exception as error:  # of whatever library made the value
         raise _refused(argument, f" cannot be read as an array: {error}", reason) from error
     if array.dtype.kind not in kinds and not (array.size == 0 and array.dtype.kind == "f"):
         raise _refused(argument, f" must be {wanted}, not {array.dtype}", reason)
@@ -144,7 +144,7 @@ def _check_shape(argument: str, array: Any, columns: Optional[int], reason: str)
 
 
 def _positions(value: Any) -> Any:
-    """The array as it is given, and rounded to float32."""
+    """The array as given, and rounded to float32."""
     reason = "MESH_POSITION_INVALID"
     array = _as_array("positions", value, "fiu", "real numbers", reason)
     _check_shape("positions", array, 3, reason)
@@ -237,7 +237,8 @@ def _of_faces(argument: str, value: Any, faces: int, kinds: str, wanted: str, lo
 
 
 def _edge_keys(faces: Any) -> Any:
-    """The edge that each corner faces, as one number: corner 3 f + k faces the edge between the other two corners of f."""
+    """The edge that each corner faces, as a number: corner 3 f + k faces the edge between the other two corners of
+    f."""
     a = faces[:, [1, 2, 0]].reshape(-1).astype(np.uint64)
     b = faces[:, [2, 0, 1]].reshape(-1).astype(np.uint64)
     return (np.minimum(a, b) << np.uint64(32)) | np.maximum(a, b)
@@ -329,7 +330,7 @@ def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
     group = np.cumsum(is_new) - 1  # of each corner in `order`: the pairs (vertex, UV)
     first = order[is_new]  # the sort is stable: the first corner of each pair
     owner = vertex[first]
-    # Among the pairs of one vertex, which follow each other, the one that comes first in the mesh keeps the vertex's number.
+    # Of the pairs of one vertex, which are consecutive, the one that comes first in the mesh keeps the vertex's number.
     starts = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
     keeps = first == np.repeat(np.minimum.reduceat(first, starts), np.diff(np.r_[starts, len(owner)]))
     number = np.empty(len(first), np.int64)
@@ -352,7 +353,7 @@ def chart_of_faces(split: VertexSplit) -> npt.NDArray[np.int64]:
     while True:
         low = label[faces].min(axis=1)
         before = label.copy()
-        # Each vertex takes the lowest label of its triangles; the label's own vertex hands on what it has.
+        # Each vertex takes the lowest label of its triangles, and passes it on to the label's own vertex.
         order = np.argsort(-low, kind="stable")
         for k in range(3):
             target = faces[order, k]

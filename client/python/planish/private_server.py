@@ -1,4 +1,4 @@
-"""A ``planishd`` of one's own, for programs that must work without a server somewhere."""
+"""Starts a private ``planishd``, for programs that must work without a running server."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from typing import Any, Callable, List, Optional, Sequence
 from ._programs import is_program, own_program
 from .errors import Unavailable
 
-# The server drains without grace when we let go; one that hangs is not waited for much longer than that.
+# The server drains without grace when it is stopped; one that hangs is killed after this time.
 _STOP_SECONDS = 5.0
-# With room for a name in it a socket's path must stay below 108 bytes.
+# A socket's path must stay below 108 bytes, with its name.
 _LONGEST_BASE = 60
 
 
@@ -46,7 +46,7 @@ def find_planishd() -> Optional[str]:
 
 
 class _Running:
-    """What there is to be cleaned up."""
+    """The resources to clean up."""
 
     def __init__(self, executable: str) -> None:
         self.executable = executable
@@ -54,7 +54,7 @@ class _Running:
         self.directory = _new_directory()
         self.log = tempfile.TemporaryFile()
         self.process: Optional["subprocess.Popen[bytes]"] = None
-        # End of file here tells planishd that we are gone.
+        # Its end of file tells planishd that this process is gone.
         self.supervisor, self.theirs = socket.socketpair()
         _running.add(self)
 
@@ -64,7 +64,7 @@ class _Running:
         self._wait_until_ready(timeout_seconds)
 
     def start_again(self) -> None:
-        """After its end, at the same address."""
+        """Restarts the ended process at the same address."""
         assert self.process is not None
         self.process.wait()
         self.supervisor.close()
@@ -76,7 +76,7 @@ class _Running:
         self.start(*self._started)
 
     def _spawn(self, arguments: List[str]) -> None:
-        # Variables like PLANISHD_QUEUE configure the planishd of this machine, if there is one, and not private ones.
+        # Variables like PLANISHD_QUEUE configure this machine's planishd, not private ones.
         environment = {key: value for key, value in os.environ.items() if not key.startswith("PLANISHD_")}
         flags = [f"--listen=unix:{self.directory}/socket", f"--supervisor-fd={self.theirs.fileno()}", "--log-level=warn"]
         try:
@@ -88,7 +88,7 @@ class _Running:
                     stderr=self.log,
                     pass_fds=[self.theirs.fileno()],
                     env=environment,
-                    start_new_session=True,  # Ctrl-C is for this process first
+                    start_new_session=True,  # Ctrl-C is handled by this process first
                 )
         except OSError as error:
             raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
@@ -170,7 +170,7 @@ class PrivateServer:
         if not is_program(self.executable):
             raise _failed(f"{self.executable} is not a program")
         self._running = _Running(self.executable)
-        # Runs when this object goes, and when Python ends.
+        # Runs when this object is collected, and when Python ends.
         self._finalizer = weakref.finalize(self, self._running.stop)
         _end_with_this_process(self._finalizer)
         arguments = [f"--workers={workers}"]
@@ -184,7 +184,7 @@ class PrivateServer:
 
     @property
     def target(self) -> str:
-        """For :class:`planish.Client`."""
+        """Target for :class:`planish.Client`."""
         return f"unix:{self._running.directory}/socket"
 
     @property
@@ -195,21 +195,23 @@ class PrivateServer:
 
     @property
     def is_running(self) -> bool:
-        """Whether planishd runs. A forked child cannot know and takes it that it does."""
+        """Whether planishd runs. A forked child cannot know, and assumes that it does."""
         process = self._running.process
         return process is not None and (os.getpid() != self._running.owner or process.poll() is None)
 
     def start_again(self) -> None:
-        """Starts planishd anew, at the same address, if it has crashed; its jobs are lost. Raises as the constructor does."""
+        """Restarts planishd at the same address if it has crashed; its jobs are lost. Raises as the constructor
+        does."""
         if not self.is_running:
             self._running.start_again()
 
     def log(self) -> str:
-        """What it wrote to stderr so far."""
+        """Its stderr so far."""
         return self._running.read_log()
 
     def close(self) -> None:
-        """Stops the server (its jobs are cancelled), waits for it and removes the socket. Does nothing in a forked child."""
+        """Stops the server (its jobs are cancelled), waits for it and removes the socket. No effect in a forked
+        child."""
         if os.getpid() == self._running.owner:
             self._finalizer()
 
@@ -236,7 +238,7 @@ _running: "weakref.WeakSet[_Running]" = weakref.WeakSet()
 
 
 def _end_with_this_process(finalizer: Callable[[], Any]) -> None:
-    # Processes of `multiprocessing` leave without what Python runs at its end; they have a list of their own.
+    # Processes of `multiprocessing` skip Python's own exit handlers; they have their own list.
     util = sys.modules.get("multiprocessing.util")
     process = sys.modules.get("multiprocessing.process")
     if util is not None and process is not None and process.parent_process() is not None:
@@ -250,9 +252,9 @@ _default: Optional[PrivateServer] = None
 
 
 def default_server() -> PrivateServer:
-    """The one private server of this process, for all who name none. Started by the first call, ended when Python ends. One
-    that has crashed is started again, at the same address. Forked children share the server of their parent, if the parent had one
-    by then.
+    """The private server of this process, for clients without a target. Started by the first call, ended with Python.
+    One that has crashed is restarted, at the same address. Forked children share the server of their parent, if the
+    parent had one by then.
 
     It has a worker for each two cores, at most four: callers of several threads share it.
     """
@@ -279,7 +281,7 @@ def revive(target: str, was_revived: bool) -> bool:
 
 
 def close_default_server() -> None:
-    """Ends the private server of this process, if it has one. A later call starts another."""
+    """Ends the private server of this process, if there is one. A later call starts another."""
     global _default
     with _lock:
         server, _default = _default, None
@@ -290,7 +292,7 @@ def close_default_server() -> None:
 def _after_fork_in_child() -> None:
     global _lock
     _lock = threading.Lock()
-    # As long as somebody holds its end of the socket the server goes on: it must end with the parent.
+    # The server runs as long as any process holds its end of the socket, but it must end with the parent.
     for running in list(_running):
         running.supervisor.close()
 

@@ -1,4 +1,4 @@
-"""What an unwrap brings."""
+"""The result of an unwrap."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """UV and what is known about them."""
+    """UV and their report."""
 
-    #: (F, 3, 2): (u, v) of each corner of each triangle, in the order that came in. float32 or float64, as delivered.
+    #: (F, 3, 2): (u, v) of each corner of each triangle, in the caller's order. float32 or float64, as delivered.
     uv: npt.NDArray[Any]
     #: Stage times, quality, charts, warnings.
     report: Report
     #: Name of the job, "jobs/...".
     job: str
-    #: Of the W3C trace of the call, 32 hex digits, as in the server's log.
+    #: The id of the call's W3C trace, 32 hex digits, as in the server's log.
     trace_id: str
     _triangles: Any = field(repr=False, default=None)
     _vertex_count: int = field(repr=False, default=0)
 
     @property
     def charts(self) -> List[ChartReport]:
-        """How each chart was flattened; of more than 1024 those that did not converge, then those of the largest stretch."""
+        """How each chart was flattened; if there are more than 1024, those that did not converge, then those with
+        the largest stretch."""
         return self.report.charts
 
     @property
@@ -43,7 +44,7 @@ class Result:
 
     @property
     def warnings(self) -> List[JobWarning]:
-        """Promises that were not kept, and what else the caller should know. Empty where all is well."""
+        """Promises that were not kept, and other things the caller should know. Empty if all is well."""
         return self.report.warnings
 
     @property
@@ -64,7 +65,7 @@ class Result:
 
 
 def parse_uv(description: Any, data: bytearray, mesh: Optional[PackedMesh]) -> Any:
-    """The UV of a job as an array, checked against what the server says of them and, if given, against the mesh."""
+    """The UV of a job as an array, checked against the server's description and, if given, the mesh."""
     if mesh is not None and not _is_of(description.mesh_sha256, mesh):
         raise FailedPrecondition("the job was made from other positions or triangles", reason="MESH_MISMATCH")
     corners = description.corner_count

@@ -1,10 +1,11 @@
-"""In the place of xatlas's binding for Python: scripts written for that change one import.
+"""Replaces xatlas's Python binding: scripts written for it only change an import.
 
     import planish as xatlas            # or: import planish.xatlas as xatlas
     vmapping, indices, uvs = xatlas.parametrize(vertices, faces)
 
-Names, ranks and types are those of the binding. What is done is planish's own: charts are cut for stretch and flattened by ABF,
-and nothing overlaps. Options of xatlas that have no meaning here are warned of once a process (:class:`OptionIgnored`).
+Names, ranks and types are those of the binding. The method is planish's: charts are cut for stretch and flattened by
+ABF, and nothing overlaps. Each option of xatlas without a meaning here causes one warning per process
+(:class:`OptionIgnored`).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class OptionIgnored(UserWarning):
-    """An option of xatlas was set that planish has nothing for."""
+    """An option of xatlas was set that has no meaning in planish."""
 
 
 _warned: Set[str] = set()
@@ -47,14 +48,14 @@ def _ignore(name: str, instead: str = "") -> None:
 
 class _Options:
     def __setattr__(self, name: str, value: Any) -> None:
-        if name not in getattr(type(self), "__dataclass_fields__"):  # a typing error, as with the binding
+        if name not in getattr(type(self), "__dataclass_fields__"):  # a misspelled name is an error, as in the binding
             raise AttributeError(f"{type(self).__name__} has no option {name!r}")
         object.__setattr__(self, name, value)
 
 
 @dataclass
 class ChartOptions(_Options):
-    """How xatlas cuts charts. planish cuts for stretch alone: of these only max_stretch has an effect."""
+    """How xatlas cuts charts. planish cuts only for stretch: only max_stretch has an effect."""
 
     max_chart_area: float = 0.0
     max_boundary_length: float = 0.0
@@ -67,7 +68,7 @@ class ChartOptions(_Options):
     max_iterations: int = 1
     use_input_mesh_uvs: bool = False
     fix_winding: bool = False
-    #: Not of xatlas: planish's limit of a chart's stretch, in [1.001, 100]; None: 1.05.
+    #: Not in xatlas: planish's limit of a chart's stretch, in [1.001, 100]; None: 1.05.
     max_stretch: Optional[float] = None
 
 
@@ -81,10 +82,10 @@ class PackOptions(_Options):
     texels_per_unit: float = 0.0
     #: Texels per side of the atlas; 0: 1024.
     resolution: int = 0
-    #: One texel more of padding, for bilinear sampling.
+    #: Adds one texel of padding, for bilinear sampling.
     bilinear: bool = True
     blockAlign: bool = False
-    #: The best packing there is, with more charts: takes a minute or more.
+    #: The best packing, with more charts: takes a minute or more.
     bruteForce: bool = False
     create_image: bool = False
     rotate_charts_to_axis: bool = True
@@ -119,7 +120,7 @@ def _options(chart: ChartOptions, pack: PackOptions) -> UnwrapOptions:
 
 
 def _array(name: str, value: Any, dtype: Any, columns: int, rows: Optional[int] = None) -> Any:
-    """As the binding converts and checks its arguments."""
+    """Converts and checks arguments like the binding."""
     array = np.ascontiguousarray(value, dtype=dtype)
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueError(f"{name} array expected to be Nx{columns}.")
@@ -148,7 +149,7 @@ class Atlas:
     def __init__(self) -> None:
         self._inputs: List[Tuple[Any, Any]] = []
         self._meshes: List[VertexSplit] = []
-        self._charts: List[Any] = []  # of each mesh: the chart of each triangle; made when first asked for
+        self._charts: List[Any] = []  # of each mesh: the chart of each triangle; computed on demand
         self._chart_count = 0
         self._utilization = 0.0
         self._texels_per_unit = 0.0
@@ -179,7 +180,7 @@ class Atlas:
         pack_options: Optional[PackOptions] = None,
         verbose: bool = False,
     ) -> None:
-        """Unwraps and packs all meshes together, on the server that $PLANISH_SERVER names or a private one that is started by
+        """Unwraps and packs all meshes together, on the server named by $PLANISH_SERVER or a private one, started by
         the first call of the process. Raises :class:`planish.Error`."""
         chart, pack = chart_options or ChartOptions(), pack_options or PackOptions()
         options = _options(chart, pack)
@@ -212,8 +213,8 @@ class Atlas:
     # Out
 
     def get_mesh(self, mesh_index: int) -> Mesh:
-        """`vmapping` uint32 (V',): the vertex that came in of each vertex; `indices` uint32 (F, 3); `uvs` float32 (V', 2), in
-        [0, 1]. Raises IndexError."""
+        """`vmapping` uint32 (V',): the original vertex of each vertex; `indices` uint32 (F, 3); `uvs` float32 (V', 2),
+        in [0, 1]. Raises IndexError."""
         split = self._mesh(mesh_index)
         return split.source_vertex, split.triangles, split.uv
 
@@ -248,7 +249,7 @@ class Atlas:
         return self._utilization
 
     def get_chart_image(self, atlas_index: int) -> Any:
-        """planish makes no picture of the charts. Raises RuntimeError, as the binding does where none was asked for."""
+        """planish makes no picture of the charts. Raises RuntimeError, as the binding does if none was requested."""
         raise RuntimeError("The atlas does not have an image.")
 
     @property
@@ -295,7 +296,7 @@ class Atlas:
 
 
 def _compact(split: VertexSplit) -> VertexSplit:
-    """Without vertices that no triangle has, as xatlas delivers it."""
+    """Without unused vertices, as in xatlas."""
     used = np.zeros(len(split.source_vertex), bool)
     used[split.triangles.reshape(-1)] = True
     if used.all():
@@ -317,7 +318,7 @@ def parametrize(positions: Any, indices: Any, normals: Any = None, uvs: Any = No
 
 
 def export(path: str, positions: Any, indices: Any = None, uvs: Any = None, normals: Any = None) -> None:
-    """Writes arrays as an OBJ file, as the binding's helper does: `uvs` and `normals` have a row for each vertex."""
+    """Writes arrays as an OBJ file, like the binding's helper: `uvs` and `normals` have a row for each vertex."""
     vertices = _array("Position", positions, np.float32, 3)
     columns = [("v", vertices)]
     if normals is not None:
