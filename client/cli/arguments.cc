@@ -134,7 +134,7 @@ std::string CheckAtlas(const UnwrapOptions& options) {
     return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
            " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
   }
-  if (options.prefer != Prefer::kTexture && options.seams != Seams::kAuto) {
+  if (options.prefer != Prefer::kSeams && options.seams != Seams::kAuto) {
     return std::string("--prefer is what --seams=auto cuts for; with the policy ") + ToString(options.seams) +
            " it has no effect (name auto beside the sources, as in --seams=auto,uv)";
   }

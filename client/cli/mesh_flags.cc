@@ -145,9 +145,9 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
       ->type_name("LIST");
   Choices<Prefer>{{Prefer::kSeams, Prefer::kTexture}}.AddTo(
       app, "--prefer", arguments.options.prefer,
-      "What auto cuts for: seams, few, short and hidden ones; texture, charts that pack well, more of them [texture]");
+      "What auto cuts for: seams, few, short and hidden ones; texture, charts that pack well, more of them [seams]");
   app.add_option("--max-stretch", arguments.options.max_stretch,
-                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05, with --prefer=seams 1.25]")
+                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.25, with --prefer=texture 1.05]")
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
 }
@@ -155,14 +155,19 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
 // Flags that are given count more than those of a preset.
 void AddPreset(CLI::App& app, Arguments& arguments) {
   CLI::Option* const preset =
-      app.add_option("--preset", "lightmap: --output-texcoord=1 --padding=4 --seams=auto, with uv if there are any")
+      app.add_option("--preset", "lightmap: --output-texcoord=1 --padding=4 --prefer=texture --seams=auto, with uv if there are any")
           ->check(CLI::IsMember({"lightmap"}).description(""))
           ->type_name("lightmap");
   app.final_callback([&app, &arguments, preset] {
     if (preset->count() == 0) return;
     if (!arguments.output_texcoord) arguments.output_texcoord = 1;
     if (!arguments.options.padding) arguments.options.padding = 4;
-    if (app.get_option("--seams")->count() == 0) {
+    if (app.get_option("--seams")->count() > 0) {
+      if (app.get_option("--prefer")->count() == 0 && arguments.options.seams == Seams::kAuto) {
+        arguments.options.prefer = Prefer::kTexture;
+      }
+    } else {
+      if (app.get_option("--prefer")->count() == 0) arguments.options.prefer = Prefer::kTexture;
       ParseSeamList("auto,uv", &arguments.seams);
       arguments.seams.uv_is_optional = true;
       arguments.options.seams = arguments.seams.policy;

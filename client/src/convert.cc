@@ -65,7 +65,7 @@ Scheduling FromProto(const v1::Scheduling& proto) {
 UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   UnwrapOptions options;
   options.seams = EnumFromProto(proto.seams(), Seams::kAuto);
-  options.prefer = EnumFromProto(proto.prefer(), Prefer::kTexture);
+  options.prefer = EnumFromProto(proto.prefer(), Prefer::kSeams);
   options.max_stretch = proto.max_stretch();
   options.hard_edge_degrees = proto.hard_edge_degrees();
   options.pack = proto.pack() != v1::PACK_OFF;

@@ -43,11 +43,11 @@ class Options:
     """Of an unwrap, named as planish.UnwrapOptions has them."""
 
     seams: str = "auto"
-    max_stretch: float = 1.05
+    max_stretch: float = 1.25
     texture_size: int = 1024
     padding: int = 2
     boundary: str = "free"
-    prefer: str = "texture"
+    prefer: str = "seams"
 
 
 @dataclass
@@ -219,7 +219,7 @@ class _PackageCall:
                 face_polygon=sheet.polygon,
                 seams=options.seams,
                 max_stretch=options.max_stretch if options.seams == "auto" else None,
-                prefer=options.prefer if options.seams == "auto" else "texture",
+                prefer=options.prefer if options.seams == "auto" else "seams",
                 texture_size=options.texture_size,
                 padding=options.padding,
                 boundary=options.boundary,

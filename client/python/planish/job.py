@@ -23,8 +23,8 @@ class UnwrapOptions:
     #: piece is no disc or no map keeps its borders. ``"keep"``: the given seams, and slits where a piece with holes has no other map. ``"none"``: the mesh is a disc.
     seams: str = "auto"
     #: What ``"auto"`` cuts for: ``"seams"``, few, short and hidden ones; or ``"texture"``, charts that pack well, more of them.
-    prefer: str = "texture"
-    #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.05, and 1.25 for ``"seams"``.
+    prefer: str = "seams"
+    #: Largest root mean square stretch of a chart, with ``"auto"``. In [1.001, 100]; None: 1.25, and 1.05 for ``"texture"``.
     max_stretch: Optional[float] = None
     #: Edges whose faces' normals are further apart are given seams. Degrees, in (0, 180]; None: none.
     hard_edge_degrees: Optional[float] = None
