@@ -254,8 +254,8 @@ std::string CheckTogether(Arguments& arguments) {
            (streams == 1 ? "; --texcoord=all reads a file once for each set of UV" : "");
   }
   const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
-  if (arguments.texcoord > 0 && !judges_several && arguments.command != Command::kTransfer && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
-      !IsStream(arguments.input) && !IsGltf(arguments.input)) {
+  if (arguments.texcoord > 0 && !judges_several && arguments.command != Command::kTransfer && !arguments.batch &&
+      !arguments.sheet && !arguments.input.empty() && !IsStream(arguments.input) && !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
   }

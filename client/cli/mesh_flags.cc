@@ -146,8 +146,9 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
   Choices<Prefer>{{Prefer::kSeams, Prefer::kTexture}}.AddTo(
       app, "--prefer", arguments.options.prefer,
       "What auto cuts for: seams, few, short and hidden ones; texture, charts that pack well, more of them [seams]");
-  app.add_option("--max-stretch", arguments.options.max_stretch,
-                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.25, with --prefer=texture 1.05]")
+  app.add_option(
+         "--max-stretch", arguments.options.max_stretch,
+         "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.25, with --prefer=texture 1.05]")
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
 }
@@ -155,7 +156,9 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
 // Flags that are given count more than those of a preset.
 void AddPreset(CLI::App& app, Arguments& arguments) {
   CLI::Option* const preset =
-      app.add_option("--preset", "lightmap: --output-texcoord=1 --padding=4 --prefer=texture --seams=auto, with uv if there are any")
+      app.add_option(
+             "--preset",
+             "lightmap: --output-texcoord=1 --padding=4 --prefer=texture --seams=auto, with uv if there are any")
           ->check(CLI::IsMember({"lightmap"}).description(""))
           ->type_name("lightmap");
   app.final_callback([&app, &arguments, preset] {

@@ -20,8 +20,9 @@ struct Mirror {
 };
 
 // A plane across an axis, through the middle of the box round the mesh or through its centre of area, for which 99 % of
-// the area has an image: the best of these planes. Vertices may be off by a thousandth of the diagonal. With less (where
-// diagonals of quads lie otherwise on the other side) what is left over makes many small charts. `polygon`, per face (empty: every face is one): a polygon has an image as a whole, or none. O(n).
+// the area has an image: the best of these planes. Vertices may be off by a thousandth of the diagonal. With less
+// (where diagonals of quads lie otherwise on the other side) what is left over makes many small charts. `polygon`, per
+// face (empty: every face is one): a polygon has an image as a whole, or none. O(n).
 std::optional<Mirror> FindMirror(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
                                  const Execution& execution = {});
 

@@ -109,11 +109,17 @@ void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapRe
     uv_area[i] += std::abs(b.x() * c.y() - b.y() * c.x()) / 2;
   }
   std::int64_t other = 0;
+  double farthest = 1;
   for (std::size_t i = 0; i < area.size(); ++i) {
     if (skipped[i] || area[i] <= kLeastArea * squares[i]) continue;
-    other += std::abs(std::sqrt(uv_area[i] / area[i]) / scale - 1) > kDensitySlack;
+    const double ratio = std::sqrt(uv_area[i] / area[i]) / scale;
+    other += std::abs(ratio - 1) > kDensitySlack;
+    if (std::abs(ratio - 1) > std::abs(farthest - 1)) farthest = ratio;
   }
-  if (other > 0) broken->push_back(std::to_string(other) + " charts have another density than is told");
+  if (other > 0) {
+    broken->push_back(std::to_string(other) + " charts have another density than is told, up to " +
+                      std::to_string(farthest) + " times");
+  }
   const std::vector<char> is_long = NamedBy(result, {"FACES_TOO_LONG"});
   if (longest > kSpansTile && result.quality.packing_efficiency < kHardlyUsed * options.atlas.tiles &&
       std::find(is_long.begin(), is_long.end(), 1) == is_long.end()) {
