@@ -29,12 +29,12 @@ cp "$build"/client/python/dist/* "$build/client/javascript/planish-$version.tgz"
 
 rm -rf "$build/wheel-root"
 deploy/relocatable.sh "$build" "$build/prefix" "$build/wheel-root" planish planishd
-client/python/build_package.py server "$build/client/python/dist/planish-$version-py3-none-any.whl" "$build/wheel-root" "$build/dist"
+python3 client/python/build_package.py server "$build/client/python/dist/planish-$version-py3-none-any.whl" "$build/wheel-root" "$build/dist"
 wheels=$(echo "$build"/dist/planish-*-manylinux_*.whl)
 [ -z "${PLANISH_BLENDER_WHEELS:-}" ] || wheels="$wheels $(echo "$PLANISH_BLENDER_WHEELS"/*.whl)"
 platform=linux-$(uname -m | sed 's/x86_64/x64/; s/aarch64/arm64/')
 # shellcheck disable=SC2086  # a list of words
-client/blender/build_addon.py extension "$build/dist/planish_blender-$version-$platform.zip" "$version" LICENSE "$platform" $wheels
+python3 client/blender/build_addon.py extension "$build/dist/planish_blender-$version-$platform.zip" "$version" LICENSE "$platform" $wheels
 
 say() { # PATTERN USE...
   for file in "$build"/dist/$1; do

@@ -34,6 +34,16 @@ TEST(SourceTree, NoFileIsTooLong) {
   EXPECT_THAT(too_long, IsEmpty()) << "split them: no file has more than " << kMaxLines << " lines";
 }
 
+TEST(SourceTree, ScriptsMayBeRun) {
+  std::vector<std::string> wrong;
+  for (const SourceFile& file : ReadSources(Root(), {".sh", ".py"})) {
+    const auto mode = std::filesystem::status(Root() / file.path).permissions();
+    const bool runs = (mode & std::filesystem::perms::owner_exec) != std::filesystem::perms::none;
+    if (file.text.starts_with("#!") != runs) wrong.push_back(file.path);
+  }
+  EXPECT_THAT(wrong, IsEmpty()) << "a script has a first line #! and may be executed (chmod +x), or neither";
+}
+
 // A comment directly above each call says what it does, which codes it returns and what the client should do.
 TEST(SourceTree, EveryCallInTheProtoIsDocumented) {
   const std::regex rpc(R"(^\s*rpc\s+(\w+).*)");

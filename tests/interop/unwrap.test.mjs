@@ -1,4 +1,5 @@
-// What a client that knows only the published proto files may rely on.
+// What a client that knows only the published proto files may rely on. It also runs with those of the last release
+// (tests/proto/released): what is newer is tested elsewhere.
 import grpc from '@grpc/grpc-js';
 import assert from 'node:assert/strict';
 import {createHash} from 'node:crypto';

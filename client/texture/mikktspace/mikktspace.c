@@ -20,6 +20,7 @@
  *     misrepresented as being the original software.
  *  3. This notice may not be removed or altered from any source distribution.
  */
+// Altered for planish: the two rotations of a seed shift by ((32-t)&31), since a shift by 32 is undefined in C.
 
 #include <assert.h>
 #include <stdio.h>
@@ -1457,7 +1458,7 @@ static void QuickSort(int* pSortBuffer, int iLeft, int iRight, unsigned int uSee
 
 	// Random
 	unsigned int t=uSeed&31;
-	t=(uSeed<<t)|(uSeed>>(32-t));
+	t=(uSeed<<t)|(uSeed>>((32-t)&31));
 	uSeed=uSeed+t+3;
 	// Random end
 
@@ -1664,7 +1665,7 @@ static void QuickSortEdges(SEdge * pSortBuffer, int iLeft, int iRight, const int
 
 	// Random
 	t=uSeed&31;
-	t=(uSeed<<t)|(uSeed>>(32-t));
+	t=(uSeed<<t)|(uSeed>>((32-t)&31));
 	uSeed=uSeed+t+3;
 	// Random end
 

@@ -279,7 +279,8 @@ TEST(DataDirectoryTest, ReplacedUnderARunningServerItIsNotReadyForGood) {
   EXPECT_EQ(server.Get("/livez").status, 200);
   std::string name;
   EXPECT_EQ(server.Create(JobOf(9), &name).code(), absl::StatusCode::kUnavailable);
-  fs::remove_all(data);
+  // Not removed: the server may be making a file in it.
+  fs::rename(data, dir.Path("copy"));
   fs::rename(old, data);
   EXPECT_EQ(server.Create(JobOf(10), &name).code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(server.Get("/readyz").status, 503) << "what was written meanwhile is in another one";
