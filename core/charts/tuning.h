@@ -107,6 +107,8 @@ struct AtlasTuning {
   // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
   // the texture, in three 0.69.
   double whole_area = 0.6, most_extent = 2;
+  // The same with SeamPreference::kSeams: a strip of 1 to 16 stays whole, since people do not cut it.
+  double seams_most_extent = 4;
   // A chart is too long only from this times the length of the longest face on, since no cut makes that face shorter.
   double longer_than_face = 1.5;
 

@@ -109,16 +109,19 @@ void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapRe
     uv_area[i] += std::abs(b.x() * c.y() - b.y() * c.x()) / 2;
   }
   std::int64_t other = 0;
-  double farthest = 1;
+  double farthest = 1, share = 0;
   for (std::size_t i = 0; i < area.size(); ++i) {
     if (skipped[i] || area[i] <= kLeastArea * squares[i]) continue;
     const double ratio = std::sqrt(uv_area[i] / area[i]) / scale;
     other += std::abs(ratio - 1) > kDensitySlack;
-    if (std::abs(ratio - 1) > std::abs(farthest - 1)) farthest = ratio;
+    if (std::abs(ratio - 1) <= std::abs(farthest - 1)) continue;
+    farthest = ratio;
+    share = area[i] / squares[i];
   }
   if (other > 0) {
     broken->push_back(std::to_string(other) + " charts have another density than is told, up to " +
-                      std::to_string(farthest) + " times");
+                      std::to_string(farthest) + " times, with an area of " + std::to_string(share) +
+                      " of squared edges");
   }
   const std::vector<char> is_long = NamedBy(result, {"FACES_TOO_LONG"});
   if (longest > kSpansTile && result.quality.packing_efficiency < kHardlyUsed * options.atlas.tiles &&
