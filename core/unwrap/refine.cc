@@ -205,8 +205,9 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
-  const double most_of_whole = job.options.IsForPacker() ? tuning.most_extent : tuning.seams_most_extent;
-  const double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : most_of_whole;
+  constexpr double kAll = 0.999;
+  double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
+  if (!job.options.IsForPacker() && area > kAll * whole) most_extent = tuning.seams_most_extent;
   const bool is_long = extent > std::max(most_extent * std::sqrt(whole), tuning.longer_than_face * longest);
   return stretch > job.options.MaxStretch() || (job.options.pack && is_long);
 }

@@ -23,7 +23,7 @@ constexpr std::size_t kArc = 48;   // half-edges of a path that are moved at onc
 
 class SeamSearch {
  public:
-  SeamSearch(Job* job, const SeamCost& cost, ChartEstimates* estimates, Charts* charts)
+  SeamSearch(Job* job, const SeamCost& cost, const Execution& execution, ChartEstimates* estimates, Charts* charts)
       : job_(*job),
         tuning_(job->options.tuning),
         surface_(*charts->surface),
@@ -32,20 +32,21 @@ class SeamSearch {
         segmentation_(*charts->segmentation),
         estimates_(*estimates),
         router_(segmentation_, cost, tuning_),
+        execution_(execution),
         area_(segmentation_.charts().size(), 0.0),
         version_(area_.size(), 0) {
     for (std::int32_t i = 0; i < count(); ++i) Measure(i);
   }
 
-  absl::Status Run(const Execution& execution) {
+  absl::Status Run() {
     for (std::int32_t i = 0; i < count() && GoesOn(); ++i) {
       if (!segmentation_.charts()[i].empty() && !estimates_.has(i)) estimates_.Update(i);
     }
     const double faces = surface_.num_faces() + std::min<double>(surface_.num_faces(), tuning_.thorough_faces);
     glue_left_ = tuning_.glue_estimates * faces;
     move_left_ = tuning_.move_estimates * faces;
+    all_left_ = glue_left_ + move_left_;
     for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
-      execution.Report(static_cast<double>(round_) / tuning_.seam_rounds);
       const double gain = Glue() + (charts_.image.empty() ? Move() : 0);
       if (!(gain > kGoesOn)) break;
     }
@@ -68,6 +69,7 @@ class SeamSearch {
   };
 
   bool GoesOn() const { return !job_.execution.IsCancelled() && !job_.execution.IsStopRequested(); }
+  void Tell() const { execution_.Report(1 - (std::max(0.0, glue_left_) + std::max(0.0, move_left_)) / all_left_); }
   std::int32_t count() const { return static_cast<std::int32_t>(segmentation_.charts().size()); }
 
   void Measure(std::int32_t i) {
@@ -190,6 +192,7 @@ class SeamSearch {
       if (!segmentation_.charts()[i].empty()) Push(i, false);
     }
     while (!queue_.empty() && glue_left_ > 0 && GoesOn()) {
+      Tell();
       Candidate best = queue_.top();
       queue_.pop();
       const std::int32_t i = best.joint.chart, j = best.joint.other;
@@ -219,9 +222,9 @@ class SeamSearch {
     return gained;
   }
 
-  // What has been tried in vain: a border, by its first half-edge and the number of them. It is not tried again in the
-  // same round, since charts that have grown do no better together, nor in later ones until one of these charts, or of
-  // their images, has changed.
+  // What has been tried in vain: a border, by its first half-edge and the number of them. It is not tried again until
+  // one of these charts, or of their images, has changed, and on large surfaces not in the same round, since charts
+  // that have grown seldom do better together.
   struct Tried {
     int round;
     std::int32_t chart, other;
@@ -239,7 +242,9 @@ class SeamSearch {
     const auto found = failed_.find(key);
     if (found == failed_.end()) return false;
     const Tried& tried = found->second;
-    return tried.round == round_ || (tried.chart == i && tried.other == j && tried.versions == Versions(i, j));
+    const bool is_large = surface_.num_faces() > tuning_.thorough_faces;
+    return (is_large && tried.round == round_) ||
+           (tried.chart == i && tried.other == j && tried.versions == Versions(i, j));
   }
 
   // Moves one seam, or part of one, if that lowers the cost. Returns by how much.
@@ -305,6 +310,7 @@ class SeamSearch {
     for (const std::int32_t p :
          SortedIndices(paths.size(), [&](std::int32_t a, std::int32_t b) { return cost[a] > cost[b]; })) {
       if (!GoesOn() || move_left_ <= 0) break;
+      Tell();
       const std::span<const HalfedgeHandle> path = paths[p].half_edges;
       if (!paths[p].is_loop && path.size() <= kArc) {
         gained += MovePart(path, /*slides=*/true);
@@ -328,13 +334,14 @@ class SeamSearch {
   Segmentation& segmentation_;
   ChartEstimates& estimates_;
   SeamRouter router_;
+  const Execution& execution_;
   std::vector<double> area_;  // per chart
   std::vector<int> version_;  // per chart: grows whenever it changes
   std::priority_queue<Candidate> queue_;
   std::map<BorderKey, Tried> failed_;
   std::int64_t pushed_ = 0;
   int round_ = 0;
-  double glue_left_ = 0, move_left_ = 0;  // faces that may be estimated again
+  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may be estimated again; at first
 };
 
 }  // namespace
@@ -344,7 +351,7 @@ absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* 
   const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
   const SeamCost cost(*charts->surface, visibility, job->options.tuning, job->execution);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  return SeamSearch(job, cost, estimates, charts).Run(execution);
+  return SeamSearch(job, cost, execution, estimates, charts).Run();
 }
 
 absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts) {

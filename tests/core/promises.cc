@@ -74,7 +74,7 @@ std::vector<char> WithoutArea(const Mesh& mesh, const std::vector<std::int32_t>&
 constexpr double kDensitySlack = 0.03;
 // A face that spans so much of a tile, while less of the texture than this is used, must be named.
 constexpr double kSpansTile = 0.8, kHardlyUsed = 0.15;
-// Of edges squared: the density of charts with less area is not judged.
+// Of all edges squared: charts with less area consist of needles, and core measures their density along edges.
 constexpr double kLeastArea = 1e-4;
 
 // Per face: whether a warning of these reasons names it.
@@ -104,7 +104,9 @@ void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapRe
     longest = std::max(longest, LongestInUv(result, f));
     if (std::binary_search(result.widened.begin(), result.widened.end(), f)) continue;
     area[i] += Altitude(mesh, f) * length / 2;
-    squares[i] += length * length;
+    for (int k = 0; k < 3; ++k) {
+      squares[i] += (mesh.positions[mesh.faces[f][(k + 1) % 3]] - mesh.positions[mesh.faces[f][k]]).squaredNorm();
+    }
     const Vec2 a = UvOf(result.uv, 3 * f), b = UvOf(result.uv, 3 * f + 1) - a, c = UvOf(result.uv, 3 * f + 2) - a;
     uv_area[i] += std::abs(b.x() * c.y() - b.y() * c.x()) / 2;
   }
