@@ -146,14 +146,21 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
 // Flags that are given count more than those of a preset.
 void AddPreset(CLI::App& app, Arguments& arguments) {
   CLI::Option* const preset =
-      app.add_option("--preset", "lightmap: --output-texcoord=1 --padding=4 --seams=auto, with uv if there are any")
+      app.add_option(
+             "--preset",
+             "lightmap: --output-texcoord=1 --padding=4 --prefer=texture --seams=auto, with uv if there are any")
           ->check(CLI::IsMember({"lightmap"}).description(""))
           ->type_name("lightmap");
   app.final_callback([&app, &arguments, preset] {
     if (preset->count() == 0) return;
     if (!arguments.output_texcoord) arguments.output_texcoord = 1;
     if (!arguments.options.padding) arguments.options.padding = 4;
-    if (app.get_option("--seams")->count() == 0) {
+    if (app.get_option("--seams")->count() > 0) {
+      if (app.get_option("--prefer")->count() == 0 && arguments.options.seams == Seams::kAuto) {
+        arguments.options.prefer = Prefer::kTexture;
+      }
+    } else {
+      if (app.get_option("--prefer")->count() == 0) arguments.options.prefer = Prefer::kTexture;
       ParseSeamList("auto,uv", &arguments.seams);
       arguments.seams.uv_is_optional = true;
       arguments.options.seams = arguments.seams.policy;

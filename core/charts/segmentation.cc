@@ -1,6 +1,8 @@
 #include "core/charts/segmentation.h"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <iterator>
 #include <limits>
@@ -299,12 +301,73 @@ void Segmentation::UndoJoin(const Joined& joined) {
   for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;
 }
 
+// Gives what lies between the old and the new border of two charts from one to the other: `chart` is what lies on the
+// left of `to`. A simple way between two places on the outline of a disc makes two discs. Returns false, and does
+// nothing, if this is no such way. O(n), with little work for faces that stay where they are.
+bool Segmentation::HandOver(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                            std::span<const HalfedgeHandle> to) {
+  const TriMesh& mesh = *surface_.mesh;
+  const auto left_of = [&](HalfedgeHandle h) { return mesh.face_handle(h).idx(); };
+  // Faces with one label that are reached from one side of the way without crossing a seam.
+  const auto flood = [&](bool is_left, std::int32_t was, std::int32_t is) {
+    std::vector<std::int32_t> faces;
+    const auto reach = [&](std::int32_t f) {
+      if (chart_[f] != was) return;
+      chart_[f] = is;
+      faces.push_back(f);
+    };
+    for (const HalfedgeHandle h : to) reach(is_left ? left_of(h) : surface_.face_across(h));
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(faces[i]))) {
+        if (!gluing_.IsOutline(h)) reach(surface_.face_across(h));
+      }
+    }
+    std::sort(faces.begin(), faces.end());
+    return faces;
+  };
+  const std::vector<std::int32_t> to_other = flood(false, chart, other), to_chart = flood(true, other, chart);
+  bool is_good = to_other.size() < faces_[chart].size() + to_chart.size() &&
+                 to_chart.size() < faces_[other].size() + to_other.size();
+  for (const HalfedgeHandle h : to) {
+    is_good = is_good && chart_[left_of(h)] == chart && chart_[surface_.face_across(h)] == other;
+  }
+  for (const HalfedgeHandle h : from) {
+    is_good = is_good && (gluing_.IsOutline(h) || chart_[left_of(h)] == chart_[surface_.face_across(h)]);
+  }
+  if (!is_good) {
+    for (const std::int32_t f : to_other) chart_[f] = chart;
+    for (const std::int32_t f : to_chart) chart_[f] = other;
+    return false;
+  }
+  std::vector<std::int32_t> rest, all;
+  const auto exchange = [&](const std::vector<std::int32_t>& lost, const std::vector<std::int32_t>& won,
+                            std::vector<std::int32_t>* faces) {
+    rest.clear();
+    all.clear();
+    std::set_difference(faces->begin(), faces->end(), lost.begin(), lost.end(), std::back_inserter(rest));
+    std::merge(rest.begin(), rest.end(), won.begin(), won.end(), std::back_inserter(all));
+    std::swap(all, *faces);
+  };
+  exchange(to_other, to_chart, &faces_[chart]);
+  exchange(to_chart, to_other, &faces_[other]);
+  return true;
+}
+
 // Glues and cuts, and gives the two discs the numbers of those that they have most faces of. Returns whether there are
 // as many discs as before.
 bool Segmentation::Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
                          std::span<const HalfedgeHandle> to) {
   for (const HalfedgeHandle h : from) gluing_.Glue(h);
   for (const HalfedgeHandle h : to) gluing_.Unglue(h);
+  if (chart != other && HandOver(chart, other, from, to)) {
+    if (std::getenv("DBG")) {
+      PrepareScratch();
+      if (!IsDisc(faces_[chart], &scratch_.is_seen) || !IsDisc(faces_[other], &scratch_.is_seen))
+        std::fprintf(stderr, "NO DISC\n");
+    }
+    return true;
+  }
+  if (std::getenv("DBG") && chart != other) std::fprintf(stderr, "NO WAY\n");
   const std::size_t parts = chart == other ? 1 : 2;
   std::vector<std::int32_t> all = faces_[chart];
   if (parts == 2) all.insert(all.end(), faces_[other].begin(), faces_[other].end());

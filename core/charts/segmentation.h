@@ -30,9 +30,9 @@ class Segmentation {
   // glued is glued, and charts are merged across new pairs of half-edges.
   Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
 
-  // The charts of `half`, which leaves out the faces that are second in `mirror`, and their mirror images. `surface` has
-  // the same faces. Chart n + i, of n, is the image of chart i, and empty if faces of that have none; no chart of `half`
-  // may have faces of both kinds. Nothing where the surface is not joined alike on both sides.
+  // The charts of `half`, which leaves out the faces that are second in `mirror`, and their mirror images. `surface`
+  // has the same faces. Chart n + i, of n, is the image of chart i, and empty if faces of that have none; no chart of
+  // `half` may have faces of both kinds. Nothing where the surface is not joined alike on both sides.
   static std::optional<Segmentation> Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
   const Gluing& gluing() const { return gluing_; }
@@ -97,6 +97,8 @@ class Segmentation {
       : surface_(surface), tuning_(tuning), gluing_(surface), chart_(surface.num_faces(), -1) {}
   void CollectFaces();
   void PrepareScratch();
+  bool HandOver(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                std::span<const HalfedgeHandle> to);
   bool Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
              std::span<const HalfedgeHandle> to);
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;

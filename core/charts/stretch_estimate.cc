@@ -191,6 +191,18 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   return points;
 }
 
+StretchEstimate::Kept StretchEstimate::Replace() {
+  Kept before = {free_, {}};
+  before.u.reserve(free_.size());
+  for (const std::int32_t v : free_) before.u.push_back(kept_[v]);
+  Keep();
+  return before;
+}
+
+void StretchEstimate::Restore(const Kept& kept) {
+  for (std::size_t i = 0; i < kept.u.size(); ++i) kept_[kept.vertices[i]] = kept.u[i];
+}
+
 void StretchEstimate::Keep() {
   for (std::size_t i = 0; i < free_.size(); ++i) kept_[free_[i]] = static_cast<float>(solver_.solution()[i]);
 }

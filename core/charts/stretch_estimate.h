@@ -55,6 +55,13 @@ class StretchEstimate {
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
+  // The same, and returns what was kept of these vertices before, for Restore().
+  struct Kept {
+    std::vector<std::int32_t> vertices;
+    std::vector<float> u;
+  };
+  Kept Replace();
+  void Restore(const Kept& kept);
   // The u that is kept of a vertex; of no use outside of discs.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
   // Per vertex: the u that is kept. Nothing may be estimated afterwards.

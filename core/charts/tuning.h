@@ -28,18 +28,20 @@ struct AtlasTuning {
   // ---- The cost of seams (charts/seam_cost.h), in its units.
   // Of L2^2 - 1, and of a chart.
   double stretch_price = 15, chart_price = 0.02;
-  double hidden_cost = 0.25;                             // of a seam that nobody sees, of one that is in full view
-  double valley_discount = 0.85, ridge_discount = 0.7;   // of a seam where the surface bends by 60 degrees or more
+  double hidden_cost = 0.25;                            // of a seam that nobody sees, of one that is in full view
+  double valley_discount = 0.85, ridge_discount = 0.7;  // of a seam where the surface bends by 60 degrees or more
   // Of the diagonal of what was likely a quad: as dear as the way round it.
   double diagonal_cost = std::numbers::sqrt2;
   double turn_cost = 0.5;  // of a right angle, of the edges next to it
   // The search (unwrap/seam_search.cc) begins with charts of so little stretch, as they are merged for the packer.
   double seams_first_stretch = 1.05;
-  int seam_rounds = 3;           // at most, of gluing charts and moving seams
-  double glue_estimates = 12;    // faces whose maps are estimated again, at most: this times those of the surface
-  double move_estimates = 16;    // the same where seams are moved
-  int seam_band = 6;             // edges that a seam may be moved by at once
-  double seam_slide = 0.3;       // how far its ends may be moved, in lengths of the seam
+  int seam_rounds = 3;  // at most, of gluing charts and moving seams
+  // Faces whose maps are estimated again where charts are glued and where seams are moved, at most: this times those of
+  // the surface, and twice that for the first `thorough_faces`.
+  double glue_estimates = 6, move_estimates = 8;
+  double thorough_faces = 20'000;
+  int seam_band = 6;        // edges that a seam may be moved by at once
+  double seam_slide = 0.3;  // how far its ends may be moved, in lengths of the seam
 
   // ---- Order in memory (unwrap/reordering.h).
   // Meshes of so many faces and more are unwrapped in spatial order; the caches hold smaller ones in any order.
@@ -105,6 +107,8 @@ struct AtlasTuning {
   // A chart with more of the surface, as a share, may be longer, up to most_extent: a torus in one chart fills 0.34 of
   // the texture, in three 0.69.
   double whole_area = 0.6, most_extent = 2;
+  // The same with SeamPreference::kSeams: a strip of 1 to 16 stays whole, since people do not cut it.
+  double seams_most_extent = 4;
   // A chart is too long only from this times the length of the longest face on, since no cut makes that face shorter.
   double longer_than_face = 1.5;
 

@@ -19,11 +19,10 @@ struct Mirror {
   bool has_image(std::int32_t f) const { return corner[3 * f] >= 0; }
 };
 
-// The best plane perpendicular to an axis, through the middle of the bounding box or through the centre of area, for
-// which 99 % of the area has an image. Nothing if there is no such plane: with a smaller share (if diagonals of quads
-// differ between the sides), the remaining faces make many small charts. Vertices may be off by a thousandth of the
-// diagonal. `polygon`: per face the number of its polygon (empty: every face is one). A polygon has an image as a whole
-// or not at all. O(n).
+// A plane across an axis, through the middle of the box round the mesh or through its centre of area, for which 99 % of
+// the area has an image: the best of these planes. Vertices may be off by a thousandth of the diagonal. With less
+// (where diagonals of quads lie otherwise on the other side) what is left over makes many small charts. `polygon`, per
+// face (empty: every face is one): a polygon has an image as a whole, or none. O(n).
 std::optional<Mirror> FindMirror(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
                                  const Execution& execution = {});
 

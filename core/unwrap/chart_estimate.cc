@@ -71,6 +71,35 @@ ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuni
       estimate_(segmentation.gluing(), tuning_, segmentation.kept()) {}
 
 void ChartEstimates::Update(std::int32_t chart) {
+  Look(chart);
+  estimate_.Keep();
+}
+
+ChartEstimates::Before ChartEstimates::Replace(std::int32_t chart) {
+  charts_.resize(std::max(charts_.size(), segmentation_.charts().size()));
+  Before before = {std::move(charts_[chart]), {}};
+  Look(chart);
+  before.kept = estimate_.Replace();
+  return before;
+}
+
+void ChartEstimates::DropEmpty() {
+  std::size_t end = 0;
+  for (std::size_t i = 0; i < charts_.size(); ++i) {
+    if (segmentation_.charts()[i].empty()) continue;
+    if (i != end) charts_[end] = std::move(charts_[i]);
+    ++end;
+  }
+  charts_.resize(end);
+}
+
+void ChartEstimates::Restore(std::int32_t chart, Before before) {
+  charts_[chart] = std::move(before.estimate);
+  estimate_.Restore(before.kept);
+}
+
+// Does not keep u.
+void ChartEstimates::Look(std::int32_t chart) {
   constexpr double kCoincide = 1e-6;  // of the outline
   const Gluing& gluing = segmentation_.gluing();
   const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
@@ -79,7 +108,6 @@ void ChartEstimates::Update(std::int32_t chart) {
   double area = 0;
   for (const std::int32_t f : faces) area += gluing.surface().area[f];
   found.stretch = estimate_.Whole({estimate_.InteriorOf(faces)}, area).Stretch();
-  estimate_.Keep();
   found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, faces));
   found.points = estimate_.Outline(found.outline);
   double length = 0;

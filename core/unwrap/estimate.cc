@@ -43,6 +43,7 @@ constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 5.35e-6, kSolvePower = 0.05;
 constexpr double kMerge = 6.55e-6, kMergePower = 0.05;
+constexpr double kSeamSearch = 2;  // times kMerge, with SeamPreference::kSeams: charts are glued and seams moved
 // Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
 // discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
 // 600e-6.
@@ -94,7 +95,8 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (options.flatten.boundary == BoundaryType::kConvex) solve *= kConvexBoundary;
   double seconds = solve + kSecondsPerByte * mesh_bytes;
   if (policy == SeamPolicy::kNone) return seconds;
-  if (policy == SeamPolicy::kAuto) seconds += kMerge * faces * std::pow(size, kMergePower);
+  const double merge = kMerge * (options.seams.prefer == SeamPreference::kSeams ? kSeamSearch : 1);
+  if (policy == SeamPolicy::kAuto) seconds += merge * faces * std::pow(size, kMergePower);
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
   seconds += kSecondsPerPiece * pieces;
   return options.pack ? seconds + PackSeconds(seconds, pieces, options) : seconds;

@@ -205,7 +205,9 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
-  const double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
+  constexpr double kAll = 0.999;
+  double most_extent = area < tuning.whole_area * whole ? tuning.max_extent : tuning.most_extent;
+  if (!job.options.IsForPacker() && area > kAll * whole) most_extent = tuning.seams_most_extent;
   const bool is_long = extent > std::max(most_extent * std::sqrt(whole), tuning.longer_than_face * longest);
   return stretch > job.options.MaxStretch() || (job.options.pack && is_long);
 }
@@ -247,7 +249,8 @@ bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const Chart
   return estimate.face >= 0 || IsUnwieldy(job, charts, faces, estimate.stretch, ExtentOf(estimate.points));
 }
 
-absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts) {
+absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts,
+                             bool are_known) {
   // Parts of the time: the first pass looks at all charts, later ones at the charts that were cut.
   constexpr double kFirstPass = 0.6, kLaterPass = 0.5;
   double begin = 0, share = kFirstPass;
@@ -263,7 +266,7 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
       if (job.execution.IsCancelled()) return absl::CancelledError("cancelled");
       execution.Report(begin + share * static_cast<double>(done) / static_cast<double>(faces));
       done += segmentation.charts()[i].size();
-      estimates->Update(i);
+      if (!are_known) estimates->Update(i);
       const ChartEstimate& estimate = estimates->of(i);
       if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
     }
@@ -271,6 +274,7 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
       cuts = ChartsToPart(job, NecksOf(*charts, job.options), *estimates, charts);
     }
     todo = cuts.empty() ? std::vector<std::int32_t>() : segmentation.Split(cuts, job.execution);
+    are_known = false;
     begin += share;
     share = kLaterPass * (1 - begin);
   }

@@ -165,7 +165,7 @@ std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const H
   for (std::size_t i = 0; i + 1 < path.size(); ++i) Mark(mesh.to_vertex_handle(path[i]), Role::kPath);
   MarkEnds(path, slides ? tuning_.seam_slide * length : 0);
   MarkBand(path);
-  constexpr double kGain = 1e-5;
+  constexpr double kGain = 5e-3;
   double least = cost_.OfPath(path) * (1 - kGain);
   HalfedgeHandle best;
   using Entry = std::pair<double, int>;

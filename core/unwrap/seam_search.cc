@@ -2,6 +2,7 @@
 // seams (core/charts/seam_cost.h), by estimates of maps.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <optional>
 #include <queue>
@@ -16,13 +17,13 @@
 namespace planish {
 namespace {
 
-constexpr double kWorthIt = 1e-6;  // in units of the cost
+constexpr double kWorthIt = 1e-4;  // in units of the cost
 constexpr double kGoesOn = 1e-3;   // of the cost, that another round must be worth
 constexpr std::size_t kArc = 48;   // half-edges of a path that are moved at once
 
 class SeamSearch {
  public:
-  SeamSearch(Job* job, const SeamCost& cost, ChartEstimates* estimates, Charts* charts)
+  SeamSearch(Job* job, const SeamCost& cost, const Execution& execution, ChartEstimates* estimates, Charts* charts)
       : job_(*job),
         tuning_(job->options.tuning),
         surface_(*charts->surface),
@@ -31,24 +32,27 @@ class SeamSearch {
         segmentation_(*charts->segmentation),
         estimates_(*estimates),
         router_(segmentation_, cost, tuning_),
+        execution_(execution),
         area_(segmentation_.charts().size(), 0.0),
         version_(area_.size(), 0) {
     for (std::int32_t i = 0; i < count(); ++i) Measure(i);
   }
 
-  absl::Status Run(const Execution& execution) {
+  absl::Status Run() {
     for (std::int32_t i = 0; i < count() && GoesOn(); ++i) {
-      if (!segmentation_.charts()[i].empty()) estimates_.Update(i);
+      if (!segmentation_.charts()[i].empty() && !estimates_.has(i)) estimates_.Update(i);
     }
-    glue_left_ = tuning_.glue_estimates * surface_.num_faces();
-    move_left_ = tuning_.move_estimates * surface_.num_faces();
-    for (int round = 0; round < tuning_.seam_rounds && GoesOn(); ++round) {
-      execution.Report(static_cast<double>(round) / tuning_.seam_rounds);
+    const double faces = surface_.num_faces() + std::min<double>(surface_.num_faces(), tuning_.thorough_faces);
+    glue_left_ = tuning_.glue_estimates * faces;
+    move_left_ = tuning_.move_estimates * faces;
+    all_left_ = glue_left_ + move_left_;
+    for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
       const double gain = Glue() + (charts_.image.empty() ? Move() : 0);
       if (!(gain > kGoesOn)) break;
     }
     if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
     charts_.image.clear();
+    estimates_.DropEmpty();
     segmentation_.DropEmpty();
     return absl::OkStatus();
   }
@@ -65,6 +69,7 @@ class SeamSearch {
   };
 
   bool GoesOn() const { return !job_.execution.IsCancelled() && !job_.execution.IsStopRequested(); }
+  void Tell() const { execution_.Report(1 - (std::max(0.0, glue_left_) + std::max(0.0, move_left_)) / all_left_); }
   std::int32_t count() const { return static_cast<std::int32_t>(segmentation_.charts().size()); }
 
   void Measure(std::int32_t i) {
@@ -84,6 +89,7 @@ class SeamSearch {
       if (!all && other < i) continue;
       if (edges + estimates_.of(other).outline.size() < 2 * border.size() + 3) continue;
       const double most = (ImageOf(i) >= 0 ? 2 : 1) * (cost_.OfPath(border) + tuning_.chart_price);
+      if (HasFailed({border.front().idx(), border.size()}, i, other)) continue;
       queue_.push({most, false, pushed_++, {i, other, {border.begin(), border.end()}}, version_[i], version_[other]});
     }
   }
@@ -91,7 +97,7 @@ class SeamSearch {
   // A pair of charts that has been glued.
   struct Step {
     Segmentation::Joined joined;
-    ChartEstimate kept;
+    ChartEstimates::Before before;
     double area, other_area;
   };
 
@@ -99,9 +105,8 @@ class SeamSearch {
     std::optional<Segmentation::Joined> joined = segmentation_.Join(joint);
     if (!joined) return false;
     const std::int32_t i = joint.chart, j = joint.other;
-    steps->push_back({*std::move(joined), estimates_.of(i), area_[i], area_[j]});
     glue_left_ -= static_cast<double>(segmentation_.charts()[i].size());
-    estimates_.Update(i);
+    steps->push_back({*std::move(joined), estimates_.Replace(i), area_[i], area_[j]});
     area_[i] += std::exchange(area_[j], 0.0);
     return IsSound(i);
   }
@@ -113,7 +118,7 @@ class SeamSearch {
       area_[i] = step.area;
       area_[step.joined.other] = step.other_area;
       segmentation_.UndoJoin(step.joined);
-      estimates_.Restore(i, std::move(step.kept));
+      estimates_.Restore(i, std::move(step.before));
     }
   }
 
@@ -135,9 +140,9 @@ class SeamSearch {
     return dearest;
   }
 
-  // Glues two charts, and their mirror images alike. Returns what that lowers the cost by; nothing if they must stay
-  // apart. Undoes it all unless `keep`.
-  std::optional<double> Try(const Segmentation::Joint& joint, bool keep) {
+  // Glues two charts, and their mirror images alike, if that lowers the cost by so much at least. Returns by how much
+  // it would; nothing if they must stay apart.
+  std::optional<double> Try(const Segmentation::Joint& joint, double least) {
     const std::int32_t i = joint.chart, j = joint.other, i_image = ImageOf(i), j_image = ImageOf(j);
     std::vector<Step> steps;
     double gain = CostOf(i) + CostOf(j) + cost_.OfPath(joint.border);
@@ -157,7 +162,7 @@ class SeamSearch {
         is_sound = false;
       }
     }
-    if (!is_sound || !keep) {
+    if (!is_sound || gain < least) {
       Undo(&steps);
       return is_sound ? std::optional(gain) : std::nullopt;
     }
@@ -187,13 +192,23 @@ class SeamSearch {
       if (!segmentation_.charts()[i].empty()) Push(i, false);
     }
     while (!queue_.empty() && glue_left_ > 0 && GoesOn()) {
+      Tell();
       Candidate best = queue_.top();
       queue_.pop();
       const std::int32_t i = best.joint.chart, j = best.joint.other;
       if (version_[i] != best.version || version_[j] != best.other_version) continue;
-      const std::optional<double> gain = Try(best.joint, best.is_known);
-      if (!gain || !(*gain > kWorthIt)) continue;
-      if (!best.is_known) {
+      // One that gains nearly as much as any other is glued as soon as its estimate is there.
+      constexpr double kNearly = 0.9;
+      const double least = best.is_known || queue_.empty() ? kWorthIt : std::max(kWorthIt, kNearly * queue_.top().gain);
+      const std::optional<double> gain = Try(best.joint, least);
+      if (!gain || !(*gain >= kWorthIt)) {
+        const TriMesh& mesh = segmentation_.gluing().mesh();
+        const std::size_t edges = best.joint.border.size();
+        Fail({best.joint.border.front().idx(), edges}, i, j);
+        Fail({mesh.opposite_halfedge_handle(best.joint.border.back()).idx(), edges}, j, i);
+        continue;
+      }
+      if (*gain < least) {
         best.gain = *gain;
         best.is_known = true;
         queue_.push(std::move(best));
@@ -207,37 +222,83 @@ class SeamSearch {
     return gained;
   }
 
+  // What has been tried in vain: a border, by its first half-edge and the number of them. It is not tried again until
+  // one of these charts, or of their images, has changed, and on large surfaces not in the same round, since charts
+  // that have grown seldom do better together.
+  struct Tried {
+    int round;
+    std::int32_t chart, other;
+    std::int64_t versions;
+  };
+  using BorderKey = std::pair<std::int32_t, std::size_t>;
+
+  std::int64_t Versions(std::int32_t i, std::int32_t j) const {
+    std::int64_t versions = 0;
+    for (const std::int32_t k : {i, j, ImageOf(i), ImageOf(j)}) versions += k < 0 ? 0 : version_[k];
+    return versions;
+  }
+  void Fail(BorderKey key, std::int32_t i, std::int32_t j) { failed_[key] = {round_, i, j, Versions(i, j)}; }
+  bool HasFailed(BorderKey key, std::int32_t i, std::int32_t j) const {
+    const auto found = failed_.find(key);
+    if (found == failed_.end()) return false;
+    const Tried& tried = found->second;
+    const bool is_large = surface_.num_faces() > tuning_.thorough_faces;
+    return (is_large && tried.round == round_) ||
+           (tried.chart == i && tried.other == j && tried.versions == Versions(i, j));
+  }
+
   // Moves one seam, or part of one, if that lowers the cost. Returns by how much.
   double MovePart(std::span<const HalfedgeHandle> path, bool slides) {
     const Gluing& gluing = segmentation_.gluing();
     if (!IsPath(gluing, path)) return 0;
     const std::int32_t i = segmentation_.chart()[gluing.mesh().face_handle(path.front()).idx()];
     const std::int32_t j = segmentation_.chart()[surface_.face_across(path.front())];
+    const BorderKey key = {path.front().idx(), path.size()};
+    if (HasFailed(key, i, j)) return 0;
     const std::optional<std::vector<HalfedgeHandle>> way = router_.Reroute(path, slides);
-    if (!way || !segmentation_.MoveSeam(i, j, path, *way)) return 0;
-    const std::vector<std::int32_t> both = i == j ? std::vector{i} : std::vector{i, j};
-    std::vector<ChartEstimate> kept;
-    double before = cost_.OfPath(path), after = cost_.OfPath(*way);
-    bool is_sound = true;
-    for (const std::int32_t k : both) {
-      before += CostOf(k);
-      kept.push_back(estimates_.of(k));
-      estimates_.Update(k);
-      Measure(k);
-      move_left_ -= static_cast<double>(segmentation_.charts()[k].size());
-      after += CostOf(k);
-      is_sound = is_sound && IsSound(k);
+    if (!way || !segmentation_.MoveSeam(i, j, path, *way)) {
+      Fail(key, i, j);
+      return 0;
     }
-    if (is_sound && before - after > kWorthIt) {
-      for (const std::int32_t k : both) ++version_[k];
+    Moved moved = {i, j, {path.begin(), path.end()}, *way, {}};
+    const double before = cost_.OfPath(path) + CostOf(i) + (i == j ? 0 : CostOf(j));
+    EstimateMoved(&moved);
+    const double after = cost_.OfPath(*way) + CostOf(i) + (i == j ? 0 : CostOf(j));
+    if (IsSound(i) && IsSound(j) && before - after > kWorthIt) {
+      ++version_[i];
+      ++version_[j];
       return before - after;
     }
-    segmentation_.MoveSeam(i, j, *way, path);
-    for (std::size_t k = 0; k < both.size(); ++k) {
-      estimates_.Restore(both[k], std::move(kept[k]));
-      Measure(both[k]);
-    }
+    UndoMove(&moved);
+    Fail(key, i, j);
     return 0;
+  }
+
+  // A seam that has been moved, and the estimates of its charts before that.
+  struct Moved {
+    std::int32_t chart, other;
+    std::vector<HalfedgeHandle> from, to;
+    std::vector<ChartEstimates::Before> before;
+  };
+
+  void EstimateMoved(Moved* moved) {
+    const std::int32_t i = moved->chart, j = moved->other;
+    moved->before.push_back(estimates_.Replace(i));
+    if (i != j) moved->before.push_back(estimates_.Replace(j));
+    for (const std::int32_t k : {i, j}) {
+      if (k == i || i != j) move_left_ -= static_cast<double>(segmentation_.charts()[k].size());
+      Measure(k);
+    }
+  }
+
+  void UndoMove(Moved* moved) {
+    const std::int32_t i = moved->chart, j = moved->other;
+    segmentation_.MoveSeam(i, j, moved->to, moved->from);
+    for (std::size_t k = moved->before.size(); k-- > 0;) {
+      estimates_.Restore(k == 0 ? i : j, std::move(moved->before[k]));
+    }
+    Measure(i);
+    Measure(j);
   }
 
   // Moves all seams, the dearest first. Returns what has been gained.
@@ -249,6 +310,7 @@ class SeamSearch {
     for (const std::int32_t p :
          SortedIndices(paths.size(), [&](std::int32_t a, std::int32_t b) { return cost[a] > cost[b]; })) {
       if (!GoesOn() || move_left_ <= 0) break;
+      Tell();
       const std::span<const HalfedgeHandle> path = paths[p].half_edges;
       if (!paths[p].is_loop && path.size() <= kArc) {
         gained += MovePart(path, /*slides=*/true);
@@ -272,11 +334,14 @@ class SeamSearch {
   Segmentation& segmentation_;
   ChartEstimates& estimates_;
   SeamRouter router_;
+  const Execution& execution_;
   std::vector<double> area_;  // per chart
   std::vector<int> version_;  // per chart: grows whenever it changes
   std::priority_queue<Candidate> queue_;
+  std::map<BorderKey, Tried> failed_;
   std::int64_t pushed_ = 0;
-  double glue_left_ = 0, move_left_ = 0;  // faces that may be estimated again
+  int round_ = 0;
+  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may be estimated again; at first
 };
 
 }  // namespace
@@ -286,7 +351,7 @@ absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* 
   const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
   const SeamCost cost(*charts->surface, visibility, job->options.tuning, job->execution);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  return SeamSearch(job, cost, estimates, charts).Run(execution);
+  return SeamSearch(job, cost, execution, estimates, charts).Run();
 }
 
 absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts) {

@@ -281,7 +281,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
       PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
     }
     const Execution refining = job->execution.Part(by_seams ? kImproveShare : kSegmentShare, kRefineShare);
-    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts));
+    const bool are_known = by_seams && !job->execution.IsStopRequested() && !charts.segmentation->charts().empty();
+    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts, are_known));
     refining.Report(1);
     if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }

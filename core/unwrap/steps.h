@@ -169,7 +169,9 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
 // CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
-absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+// `are_known`: the estimates are of the charts as they are.
+absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts,
+                             bool are_known = false);
 
 // With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
 // (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after

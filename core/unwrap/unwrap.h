@@ -49,7 +49,7 @@ enum class SeamPreference {
 
 struct SeamOptions {
   SeamPolicy policy = SeamPolicy::kAuto;
-  SeamPreference prefer = SeamPreference::kTexture;
+  SeamPreference prefer = SeamPreference::kSeams;
   // Edges at which the normals of the two faces are further apart than this are seams. Degrees in (0, 180]; 0: none.
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).

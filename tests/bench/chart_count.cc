@@ -17,8 +17,9 @@ namespace {
 int Main(int argc, char** argv) {
   CLI::App app("Counts the charts of meshes");
   std::vector<std::string> specs;
-  std::vector<double> limits = {UnwrapOptions().MaxStretch()};
+  std::vector<double> limits = {AtlasTuning().texture_stretch};
   UnwrapOptions options;
+  options.seams.prefer = SeamPreference::kTexture;  // whose constants it sweeps
   bool no_pack = false;
   app.add_option("--max-stretch", limits, "one or several, separated by commas")->delimiter(',');
   app.add_flag("--no-pack", no_pack, "leaves out the packer, and the cuts that are made for it");

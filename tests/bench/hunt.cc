@@ -243,6 +243,9 @@ int Main(int argc, char** argv) {
   app.add_option("--faces", faces, "about so many triangles each");
   app.add_option("--most-faces", most_faces, "random sizes, from --faces to so many");
   app.add_option("--max-stretch", options.seams.max_stretch);
+  app.add_option("--prefer", options.seams.prefer, "seams or texture")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, SeamPreference>{
+          {"seams", SeamPreference::kSeams}, {"texture", SeamPreference::kTexture}}));
   app.add_option("--out", out, "an existing folder, for the meshes on which promises were broken (OBJ)");
   app.add_option("--cases", cases, "a file to write");
   app.add_option("--effort", options.atlas.effort, "of packing: fast, normal or best")

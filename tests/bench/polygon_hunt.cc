@@ -14,7 +14,8 @@
 namespace planish::bench {
 namespace {
 
-int Hunt(const std::vector<std::string>& families, int first, int seeds, int most, const std::string& out) {
+int Hunt(const std::vector<std::string>& families, int first, int seeds, int most, bool for_texture,
+         const std::string& out) {
   const std::pair<MeshFormat, const char*> formats[] = {{MeshFormat::kObj, "obj"},
                                                         {MeshFormat::kPly, "ply"},
                                                         {MeshFormat::kOff, "off"},
@@ -28,7 +29,7 @@ int Hunt(const std::vector<std::string>& families, int first, int seeds, int mos
       const auto& [format, name] = formats[dice.Below(5)];
       const std::string obj = testing::ObjText(testing::MakePolygons(family, static_cast<std::uint64_t>(seed), size));
       ++cases;
-      const std::vector<std::string> found = testing::BrokenPolygonPromises(obj, format);
+      const std::vector<std::string> found = testing::BrokenPolygonPromises(obj, format, for_texture);
       if (found.empty()) continue;
       ++broken;
       for (const std::string& each : found) {
@@ -48,14 +49,15 @@ int Hunt(const std::vector<std::string>& families, int first, int seeds, int mos
 int main(int argc, char** argv) {
   CLI::App app("Unwraps random polygon meshes and judges the bytes that are written");
   int first = 1, seeds = 100, size = 100;
-  std::string out;
+  std::string out, prefer = "seams";
   std::vector<std::string> families;
   app.add_option("--first", first, "the first seed");
   app.add_option("--seeds", seeds, "seeds of each family");
   app.add_option("--size", size, "polygons at most, about")->check(CLI::Range(2, 100000));
+  app.add_option("--prefer", prefer, "seams or texture")->check(CLI::IsMember({"seams", "texture"}));
   app.add_option("--out", out, "directory for meshes with a broken promise");
   app.add_option("FAMILY", families, "of tests/testing/polygon_families.h [all]");
   CLI11_PARSE(app, argc, argv);
   if (families.empty()) families = planish::testing::PolygonFamilies();
-  return planish::bench::Hunt(families, first, seeds, size, out);
+  return planish::bench::Hunt(families, first, seeds, size, prefer == "texture", out);
 }

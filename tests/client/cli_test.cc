@@ -168,6 +168,8 @@ TEST(ArgumentsTest, LightmapsAreASecondSetOfUv) {
   EXPECT_EQ(parsed.arguments->OutputTexcoord(), 1);
   EXPECT_EQ(parsed.arguments->options.padding, 4);
   EXPECT_EQ(parsed.arguments->options.seams, Seams::kAuto);
+  EXPECT_EQ(parsed.arguments->options.prefer, Prefer::kTexture);
+  EXPECT_EQ(plain.arguments->options.prefer, Prefer::kSeams);
   EXPECT_TRUE(parsed.arguments->seams.uv && parsed.arguments->seams.uv_is_optional);
   const ParsedArguments own = Parse({"unwrap", "a.glb", "-o", "b.glb", "--output-texcoord=3", "--preset=lightmap",
                                      "--padding=1", "--seams=keep,hard"});

@@ -21,11 +21,11 @@ std::string Numbers(const std::set<std::int64_t>& ids) {
 
 }  // namespace
 
-std::vector<std::string> BrokenPolygonPromises(const std::string& obj, MeshFormat format) {
+std::vector<std::string> BrokenPolygonPromises(const std::string& obj, MeshFormat format, bool for_texture) {
   const absl::StatusOr<MeshFile> file = ReadMeshBytes("in.obj", MeshFormat::kObj, obj);
   if (!file.ok()) return {"cannot be read: " + file.status().ToString()};
   const Triangulation triangles = Triangulate(file->mesh);
-  const InProcessMap result = UnwrapInProcess(triangles.mesh, triangles.piece, IsFloatByNature(format));
+  const InProcessMap result = UnwrapInProcess(triangles.mesh, triangles.piece, IsFloatByNature(format), for_texture);
   if (result.is_refused) return {};
   if (!result.error.empty()) return {result.error};
   const PolygonUv uv = UvOfPolygons(file->mesh, triangles, result.uv.data());

@@ -176,7 +176,7 @@ TEST(BrokenPromises, AreSeen) {
   std::swap(flipped.uv[1], flipped.uv[3]);
   EXPECT_GE(testing::BrokenPromises(mesh, options, flipped).size(), 2u);
   auto stretched = *result;
-  for (std::size_t i = 0; i < stretched.uv.size(); i += 2) stretched.uv[i] /= 2;
+  for (std::size_t i = 0; i < stretched.uv.size(); i += 2) stretched.uv[i] /= 3;
   EXPECT_EQ(testing::BrokenPromises(mesh, options, stretched).size(), 2u) << "and have another density";
   auto widened = *result;
   widened.widened = {0};

@@ -74,7 +74,7 @@ std::vector<char> WithoutArea(const Mesh& mesh, const std::vector<std::int32_t>&
 constexpr double kDensitySlack = 0.03;
 // A face that spans so much of a tile, while less of the texture than this is used, must be named.
 constexpr double kSpansTile = 0.8, kHardlyUsed = 0.15;
-// Of edges squared: the density of charts with less area is not judged.
+// Of all edges squared: charts with less area consist of needles, and core measures their density along edges.
 constexpr double kLeastArea = 1e-4;
 
 // Per face: whether a warning of these reasons names it.
@@ -104,16 +104,27 @@ void JudgeDensity(const Mesh& mesh, const UnwrapOptions& options, const UnwrapRe
     longest = std::max(longest, LongestInUv(result, f));
     if (std::binary_search(result.widened.begin(), result.widened.end(), f)) continue;
     area[i] += Altitude(mesh, f) * length / 2;
-    squares[i] += length * length;
+    for (int k = 0; k < 3; ++k) {
+      squares[i] += (mesh.positions[mesh.faces[f][(k + 1) % 3]] - mesh.positions[mesh.faces[f][k]]).squaredNorm();
+    }
     const Vec2 a = UvOf(result.uv, 3 * f), b = UvOf(result.uv, 3 * f + 1) - a, c = UvOf(result.uv, 3 * f + 2) - a;
     uv_area[i] += std::abs(b.x() * c.y() - b.y() * c.x()) / 2;
   }
   std::int64_t other = 0;
+  double farthest = 1, share = 0;
   for (std::size_t i = 0; i < area.size(); ++i) {
     if (skipped[i] || area[i] <= kLeastArea * squares[i]) continue;
-    other += std::abs(std::sqrt(uv_area[i] / area[i]) / scale - 1) > kDensitySlack;
+    const double ratio = std::sqrt(uv_area[i] / area[i]) / scale;
+    other += std::abs(ratio - 1) > kDensitySlack;
+    if (std::abs(ratio - 1) <= std::abs(farthest - 1)) continue;
+    farthest = ratio;
+    share = area[i] / squares[i];
   }
-  if (other > 0) broken->push_back(std::to_string(other) + " charts have another density than is told");
+  if (other > 0) {
+    broken->push_back(std::to_string(other) + " charts have another density than is told, up to " +
+                      std::to_string(farthest) + " times, with an area of " + std::to_string(share) +
+                      " of squared edges");
+  }
   const std::vector<char> is_long = NamedBy(result, {"FACES_TOO_LONG"});
   if (longest > kSpansTile && result.quality.packing_efficiency < kHardlyUsed * options.atlas.tiles &&
       std::find(is_long.begin(), is_long.end(), 1) == is_long.end()) {

@@ -62,7 +62,9 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
 // Of 19,704 faces 4,637 are needles far longer than the texture would be; what was left of them kept strips whole that
 // were as long as the texture, and so all else small: 0.30 of it was used.
 TEST_F(SharedMeshes, LongNeedlesLeaveRoom) {
-  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "twin_needles_19704.obj"), {}, {});
+  UnwrapOptions options;
+  options.seams.prefer = SeamPreference::kTexture;
+  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "twin_needles_19704.obj"), options, {});
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_GT(result->quality.packing_efficiency, 0.4);
   EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);

@@ -4,9 +4,11 @@
 
 namespace planish::testing {
 
-InProcessMap UnwrapInProcess(const Mesh& mesh, const std::vector<std::int32_t>& face_polygon, bool needs_float) {
+InProcessMap UnwrapInProcess(const Mesh& mesh, const std::vector<std::int32_t>& face_polygon, bool needs_float,
+                             bool for_texture) {
   UnwrapOptions options;
   options.face_polygon = face_polygon;
+  if (for_texture) options.seams.prefer = SeamPreference::kTexture;
   if (needs_float) options.precision = Precision::kFloat;
   absl::StatusOr<UnwrapResult> result = Unwrap(mesh, options, {});
   InProcessMap map;

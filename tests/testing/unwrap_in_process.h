@@ -17,7 +17,9 @@ struct InProcessMap {
   std::vector<std::int32_t> torn_faces;  // of the warning POLYGON_TORN
 };
 
-// With default options. `face_polygon` as in UnwrapOptions (core/unwrap/unwrap.h).
-InProcessMap UnwrapInProcess(const Mesh& mesh, const std::vector<std::int32_t>& face_polygon, bool needs_float);
+// With default options, or for texture in place of seams (SeamPreference). `face_polygon` as in UnwrapOptions
+// (core/unwrap/unwrap.h).
+InProcessMap UnwrapInProcess(const Mesh& mesh, const std::vector<std::int32_t>& face_polygon, bool needs_float,
+                             bool for_texture = false);
 
 }  // namespace planish::testing

@@ -47,12 +47,12 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             ("SEAMS", "Seams", "Few, short and hidden seams"),
             ("TEXTURE", "Texture", "Charts that pack well: more of them"),
         ),
-        default="TEXTURE",
+        default="SEAMS",
     )
     max_stretch: bpy.props.FloatProperty(
         name="Stretch",
         description="Root mean square stretch above which a chart is cut",
-        default=1.05,
+        default=1.25,
         min=1.001,
         max=100,
         soft_max=2,

@@ -173,9 +173,9 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  Prefer prefer = Prefer::kTexture;  // with kAuto
-  double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05, 1.25 with
-                           // Prefer::kSeams
+  Prefer prefer = Prefer::kSeams;  // with kAuto
+  double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.25, 1.05 with
+                           // Prefer::kTexture
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
   bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
   int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024, or what texels_per_unit needs

@@ -29,8 +29,8 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
   EXPECT_EQ(core->threads, 1);
   EXPECT_EQ(core->seams.policy, SeamPolicy::kAuto);
-  EXPECT_EQ(core->seams.prefer, SeamPreference::kTexture);
-  EXPECT_EQ(core->MaxStretch(), 1.05);
+  EXPECT_EQ(core->seams.prefer, SeamPreference::kSeams);
+  EXPECT_EQ(core->MaxStretch(), 1.25);
   EXPECT_EQ(core->seams.hard_edge_degrees, 0);
   EXPECT_TRUE(core->pack);
   EXPECT_EQ(core->atlas.texture_size, 1024);
@@ -49,11 +49,11 @@ TEST(Options, SeamsAndAtlasArrive) {
   options.set_tiles(12);
   options.set_effort(v1::EFFORT_BEST);
   options.set_pack(v1::PACK_OFF);
-  options.set_prefer(v1::PREFER_SEAMS);
+  options.set_prefer(v1::PREFER_TEXTURE);
   const auto core = ToCore(options);
   ASSERT_TRUE(core.ok()) << core.status();
   EXPECT_EQ(core->seams.policy, SeamPolicy::kNeeded);
-  EXPECT_EQ(core->seams.prefer, SeamPreference::kSeams);
+  EXPECT_EQ(core->seams.prefer, SeamPreference::kTexture);
   EXPECT_EQ(core->seams.max_stretch, 1.2);
   EXPECT_EQ(core->seams.hard_edge_degrees, 66);
   EXPECT_EQ(core->atlas.texture_size, 4096);

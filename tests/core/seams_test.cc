@@ -1,0 +1,219 @@
+// SeamPreference::kSeams: what seams cost, how they are moved, and what is promised of an unwrap that looks for them.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "core/base/interrupter.h"
+#include "core/charts/seam_cost.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/symmetry.h"
+#include "core/mesh/visibility.h"
+#include "core/unwrap/seam_paths.h"
+#include "core/unwrap/unwrap.h"
+#include "core/unwrap/verify.h"
+#include "gtest/gtest.h"
+#include "tests/core/shapes.h"
+
+namespace planish {
+namespace {
+
+// A roof, or a gutter, along x = 1/2.
+Mesh Bent(double height) {
+  return testing::Patch(10, 10,
+                        [height](double s, double t) { return Vec3(s, t, height * (0.5 - std::abs(s - 0.5))); });
+}
+
+// The edge from (x, 0.4) to (x, 0.5).
+HalfedgeHandle EdgeAt(const TriMesh& mesh, double x) {
+  for (const HalfedgeHandle h : mesh.halfedges()) {
+    const Vec3 &from = mesh.point(mesh.from_vertex_handle(h)), &to = mesh.point(mesh.to_vertex_handle(h));
+    if (std::abs(from.x() - x) + std::abs(to.x() - x) + std::abs(from.y() - 0.4) + std::abs(to.y() - 0.5) < 1e-9) {
+      return h;
+    }
+  }
+  return HalfedgeHandle();
+}
+
+double CostAt(const Mesh& mesh, double x) {
+  const Surface surface = MakeSurface(mesh, {}).value();
+  const AtlasTuning tuning;
+  const std::vector<float> in_the_open(mesh.faces.size(), 1.0F);
+  return SeamCost(surface, in_the_open, tuning, {}).OfEdge(EdgeAt(*surface.mesh, x));
+}
+
+TEST(SeamCost, IsLowerWhereTheSurfaceBendsAndLowestInAValley) {
+  const double flat = CostAt(Bent(1), 0.3), ridge = CostAt(Bent(1), 0.5), valley = CostAt(Bent(-1), 0.5);
+  EXPECT_LT(ridge, 0.5 * flat);
+  EXPECT_LT(valley, ridge);
+}
+
+TEST(SeamCost, IsHigherInTheOpen) {
+  const Mesh mesh = testing::Plane(10, 10);
+  const Surface surface = MakeSurface(mesh, {}).value();
+  const AtlasTuning tuning;
+  const std::vector<float> open(mesh.faces.size(), 1.0F), hidden(mesh.faces.size(), 0.0F);
+  const HalfedgeHandle h = EdgeAt(*surface.mesh, 0.5);
+  EXPECT_NEAR(SeamCost(surface, hidden, tuning, {}).OfEdge(h) / SeamCost(surface, open, tuning, {}).OfEdge(h),
+              tuning.hidden_cost, 1e-6);
+}
+
+TEST(SeamCost, HasAPriceForTurning) {
+  const Mesh mesh = testing::Plane(10, 10);
+  const Surface surface = MakeSurface(mesh, {}).value();
+  const AtlasTuning tuning;
+  const SeamCost cost(surface, std::vector<float>(mesh.faces.size(), 1.0F), tuning, {});
+  const HalfedgeHandle h = EdgeAt(*surface.mesh, 0.5);
+  double straight = 1e9, right = 1e9;
+  for (const HalfedgeHandle next : surface.mesh->voh_range(surface.mesh->to_vertex_handle(h))) {
+    const Vec3 along = surface.mesh->point(surface.mesh->to_vertex_handle(next)) -
+                       surface.mesh->point(surface.mesh->from_vertex_handle(next));
+    if (along.y() > 0.09 && std::abs(along.x()) < 1e-9) straight = cost.OfTurn(h, next);
+    if (along.x() > 0.09 && std::abs(along.y()) < 1e-9) right = cost.OfTurn(h, next);
+  }
+  EXPECT_NEAR(straight, 0, 1e-12);
+  EXPECT_NEAR(right, tuning.turn_cost * cost.OfEdge(h), 1e-9);
+}
+
+// Euler's formula of a chart, by its half-edges.
+bool IsDisc(const Segmentation& segmentation, std::int32_t chart) {
+  std::vector<std::int32_t> place(segmentation.chart().size(), -1);
+  std::vector<std::pair<std::int32_t, std::int32_t>> slits;
+  const FlatMesh disc = ChartMesh(segmentation.gluing(), segmentation.charts()[chart], &place, &slits);
+  const std::int64_t open = std::count(disc.opposite.begin(), disc.opposite.end(), -1);
+  const auto faces = std::ssize(disc.faces);
+  return std::ssize(disc.positions) - (3 * faces + open) / 2 + faces == 1;
+}
+
+TEST(SeamRouter, FindsCheaperWaysThatLeaveDiscs) {
+  const Mesh mesh = testing::Hills(40, 40, 2);
+  const Surface surface = MakeSurface(mesh, {}).value();
+  const AtlasTuning tuning;
+  Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.005, {}, tuning);
+  const SeamCost cost(surface, FaceVisibility(mesh), tuning, {});
+  SeamRouter router(segmentation, cost, tuning);
+  int moved = 0;
+  for (const SeamPath& path : SeamPaths(segmentation)) {
+    if (path.is_loop || !IsPath(segmentation.gluing(), path.half_edges)) continue;
+    const auto way = router.Reroute(path.half_edges, /*slides=*/true);
+    if (!way) continue;
+    EXPECT_LT(cost.OfPath(*way), cost.OfPath(path.half_edges));
+    const std::vector<std::int32_t> before = segmentation.chart();
+    const std::int32_t i = before[surface.mesh->face_handle(path.half_edges.front()).idx()];
+    const std::int32_t j = before[surface.face_across(path.half_edges.front())];
+    if (!segmentation.MoveSeam(i, j, path.half_edges, *way)) {
+      EXPECT_EQ(segmentation.chart(), before);
+      continue;
+    }
+    if (i != j) {
+      EXPECT_NE(segmentation.chart(), before);
+    }
+    for (const std::int32_t k : {i, j}) {
+      EXPECT_TRUE(IsDisc(segmentation, k));
+      for (const std::int32_t f : segmentation.charts()[k]) EXPECT_EQ(segmentation.chart()[f], k);
+    }
+    const std::vector<std::int32_t> after = segmentation.chart();
+    ASSERT_TRUE(segmentation.MoveSeam(i, j, *way, path.half_edges));
+    EXPECT_EQ(segmentation.chart(), before) << "it can be taken back";
+    ASSERT_TRUE(segmentation.MoveSeam(i, j, path.half_edges, *way));
+    EXPECT_EQ(segmentation.chart(), after);
+    ++moved;
+  }
+  EXPECT_GT(moved, 1) << "of " << SeamPaths(segmentation).size();
+}
+
+TEST(Mirror, IsFoundWhereOneSideIsTheImageOfTheOther) {
+  const Mesh mesh = testing::Patch(12, 12, [](double s, double t) {
+    return Vec3(std::abs(2 * s - 1) * (2 * s - 1), t, (2 * s - 1) * (2 * s - 1) + 0.3 * t * t);
+  });
+  const std::optional<Mirror> mirror = FindMirror(mesh, {});
+  if (mirror) {
+    for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+      if (!mirror->has_image(f)) continue;
+      const std::int32_t g = mirror->corner[3 * f] / 3;
+      EXPECT_NE(g, f);
+      EXPECT_EQ(mirror->corner[mirror->corner[3 * f]], 3 * f);
+      EXPECT_NE(mirror->is_second[f], mirror->is_second[g]);
+    }
+  }
+  EXPECT_FALSE(FindMirror(testing::Hills(12, 12), {}));
+}
+
+Mesh Ball() {
+  return testing::PuncturedSphere(14, 0.3);
+}
+
+TEST(PreferSeams, MakesFewerChartsAndShorterSeamsWithinTheLimit) {
+  const Mesh mesh = testing::Torus(24, 12);
+  UnwrapOptions options;
+  const UnwrapResult seams = Unwrap(mesh, options, {}).value();
+  options.seams.prefer = SeamPreference::kTexture;
+  const UnwrapResult texture = Unwrap(mesh, options, {}).value();
+  EXPECT_LE(seams.charts.size(), texture.charts.size());
+  EXPECT_LT(seams.quality.visible_seam_length, texture.quality.visible_seam_length);
+  for (const ChartReport& chart : seams.charts) EXPECT_LE(chart.stretch_l2, UnwrapOptions().MaxStretch() * 1.001);
+}
+
+TEST(PreferSeams, CutsNoDiscThatStaysWithinTheLimit) {
+  const std::filesystem::path file = PLANISH_SHARED_MESHES "/../cases/disc_cut_needlessly.obj";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
+  EXPECT_EQ(Unwrap(testing::ReadTriangleObj(file), {}, {}).value().charts.size(), 1u);
+}
+
+// Corners that face an edge whose two faces have different UV there.
+std::vector<std::int32_t> SeamsOf(const Mesh& mesh, const CornerUv& uv) {
+  std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> at;
+  std::vector<std::int32_t> seams;
+  for (std::int32_t c = 0; c < 3 * mesh.num_faces(); ++c) at[{Origin(mesh.faces, c), Target(mesh.faces, c)}] = c;
+  for (const auto& [ends, c] : at) {
+    const auto across = at.find({ends.second, ends.first});
+    if (across == at.end()) continue;
+    const std::int32_t f = 3 * (c / 3), k = c % 3, g = 3 * (across->second / 3), l = across->second % 3;
+    if (UvOf(uv, f + Next(k)) != UvOf(uv, g + Prev(l)) || UvOf(uv, f + Prev(k)) != UvOf(uv, g + Next(l))) {
+      seams.push_back(c);
+    }
+  }
+  return seams;
+}
+
+// The seams of a map, given for the next one, are enough for that.
+TEST(PreferSeams, AddsNothingToItsOwnSeams) {
+  for (const Mesh& mesh : {Ball(), testing::Torus(24, 12)}) {
+    UnwrapOptions options;
+    const UnwrapResult first = Unwrap(mesh, options, {}).value();
+    options.seams.corners = SeamsOf(mesh, first.uv);
+    EXPECT_EQ(Unwrap(mesh, options, {}).value().charts.size(), first.charts.size());
+  }
+}
+
+TEST(PreferSeams, EndsTheSearchWhenStoppedAndAllWhenCancelled) {
+  const Mesh mesh = testing::Torus(40, 20);
+  for (const bool cancels : {false, true}) {
+    for (const double at : {0.3, 0.55, 0.7}) {
+      Interrupter interrupter;
+      UnwrapControl control;
+      (cancels ? control.cancel : control.stop) = &interrupter;
+      bool was_reached = false;
+      control.on_progress = [&](const UnwrapProgress& progress) {
+        if (progress.stage != UnwrapStage::kCharts || progress.stage_fraction < at) return;
+        was_reached = true;
+        interrupter.Interrupt();
+      };
+      const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, {}, control);
+      EXPECT_TRUE(was_reached);
+      if (cancels) {
+        EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled);
+      } else {
+        ASSERT_TRUE(result.ok()) << result.status();
+        EXPECT_EQ(CheckOrientations(result->uv).flipped, 0);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace planish
