@@ -35,10 +35,6 @@ Json FieldJson(const Field&, const std::vector<Struct>& value) {
   return json;
 }
 template <typename Value>
-Json FieldJson(const Field& field, const std::optional<Value>& value) {
-  return value ? FieldJson(field, *value) : Json();
-}
-template <typename Value>
 Json FieldJson(const Field&, const Value& value) {
   if constexpr (std::is_enum_v<Value>) {
     return ToString(value);
@@ -47,6 +43,10 @@ Json FieldJson(const Field&, const Value& value) {
   } else {
     return value;
   }
+}
+template <typename Value>
+Json FieldJson(const Field& field, const std::optional<Value>& value) {
+  return value ? FieldJson(field, *value) : Json();
 }
 
 template <typename Struct>
