@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-// Sets `piece->loops`. Returns whether the piece is planar with holes.
+// Sets `piece->loops` and `piece->outer`. Returns whether the piece is planar with holes.
 bool IsHoled(HoledPiece* piece) {
   const FlatMesh& mesh = piece->mesh;
   piece->loops = BoundaryLoops(mesh.opposite);
