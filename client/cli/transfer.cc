@@ -88,7 +88,8 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
     throw Error(ErrorCode::kInvalidArgument, "SURFACES_DIFFER",
                 Counted(missing, "triangle", "triangles") + " of " + to.path() + " " + (missing == 1 ? "is" : "are") +
                     " not in " + from.path() + ", the first of " + to.Place("face", to.PolygonOf(first_missing)) +
-                    ": both files must have the same triangles, in any order; --project moves images between surfaces that only "
+                    ": both files must have the same triangles, in any order; --project moves images between surfaces "
+                    "that only "
                     "lie close",
                 {{"count", std::to_string(missing)}});
   }
@@ -123,7 +124,8 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
       static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
   std::vector<OutputWarning> warnings;
   if (missed > kManyMissed) {
-    warnings.push_back({"PROJECTION_MISSED", Significant(100 * missed, 2) + " % of the texels found nothing of " + from.path() +
+    warnings.push_back({"PROJECTION_MISSED", Significant(100 * missed, 2) + " % of the texels found nothing of " +
+                                                 from.path() +
                                                  " within the cage, and have the colours of their neighbours; --cage "
                                                  "makes it wider"});
   }
@@ -200,8 +202,7 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
 }  // namespace
 
 int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
-  return arguments.project ? ProjectFile(arguments, interrupts, Timer())
-                           : TransferFile(arguments, interrupts, Timer());
+  return arguments.project ? ProjectFile(arguments, interrupts, Timer()) : TransferFile(arguments, interrupts, Timer());
 }
 
 }  // namespace planish::cli

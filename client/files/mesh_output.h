@@ -18,7 +18,7 @@ namespace planish {
 enum class TextureMode {
   kLeave,     // unchanged; a warning lists them, as they no longer fit
   kTransfer,  // resampled into the new map (client/texture)
-  kDrop,      // the material's references are removed
+  kDrop,      // the material's references are removed, and images that nothing else uses (glTF)
 };
 
 struct TextureOptions {

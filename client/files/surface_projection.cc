@@ -162,9 +162,8 @@ class LooksReader {
       }
       for (const GltfTextureUse& use : TextureUses(root, material)) {
         if (use.slot != "baseColorTexture" || use.texcoord < 0) continue;
-        PLANISH_ASSIGN_OR_RETURN(
-            const std::vector<float> texcoords,
-            ReadVertexAttribute(gltf, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
+        PLANISH_ASSIGN_OR_RETURN(const std::vector<float> texcoords,
+                                 ReadVertexAttribute(gltf, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
         const std::vector<GltfTextureSource> sources = TextureSources(root, use.texture);
         if (texcoords.empty() || sources.empty()) continue;
         if (!image_of_material.contains(material)) {
@@ -172,7 +171,8 @@ class LooksReader {
           PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
                                    GltfImageBytes(gltf.document, sources[0].image, options_.textures.allow_outside));
           const auto [wrap_u, wrap_v] = TextureWraps(root, use.texture);
-          PLANISH_ASSIGN_OR_RETURN(image_of_material[material], AddImage(bytes, name, {nullptr, nullptr, wrap_u, wrap_v}));
+          PLANISH_ASSIGN_OR_RETURN(image_of_material[material],
+                                   AddImage(bytes, name, {nullptr, nullptr, wrap_u, wrap_v}));
         }
         const std::array<double, 6>& m = use.transform;
         for (std::size_t c = 0; c < count; ++c) {
@@ -344,8 +344,8 @@ absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
   root["images"] = Json::array();
   root["textures"] = Json::array();
   for (int i = 0; i < (has_colors ? 2 : 1); ++i) {
-    const std::int64_t view =
-        patch.AddView(-1, OnePixel(i == 0 ? std::array<std::uint8_t, 3>{128, 128, 255} : std::array<std::uint8_t, 3>{}), 0, 0);
+    const std::int64_t view = patch.AddView(
+        -1, OnePixel(i == 0 ? std::array<std::uint8_t, 3>{128, 128, 255} : std::array<std::uint8_t, 3>{}), 0, 0);
     root["images"].push_back(
         {{"name", i == 0 ? "normals" : "colors"}, {"bufferView", view}, {"mimeType", "image/png"}});
     root["textures"].push_back({{"source", i}});

@@ -162,7 +162,8 @@ absl::StatusOr<Projection> Project(const ProjectionSource& source, const Project
             const std::size_t channel = 3 * at + static_cast<std::size_t>(c);
             result.normal.texels[channel] = Byte(0.5 + 0.5 * normal[c]);
             if (source.has_colors()) {
-              result.color.texels[channel] = Byte(texture_internal::SrgbOfLinear(std::clamp(seen.color[c] / seen.hits, 0.0, 1.0)));
+              result.color.texels[channel] =
+                  Byte(texture_internal::SrgbOfLinear(std::clamp(seen.color[c] / seen.hits, 0.0, 1.0)));
             }
           }
         }

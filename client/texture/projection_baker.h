@@ -1,5 +1,5 @@
-// The looks of one surface drawn into images of another one that lies close to it: of a scan into those of its decimated
-// copy.
+// The looks of one surface drawn into images of another one that lies close to it: of a scan into those of its
+// decimated copy.
 #pragma once
 
 #include <array>
@@ -44,8 +44,8 @@ struct ProjectionOptions {
 };
 
 struct Projection {
-  TextureImage color;   // sRGB, RGB of 8 bits; empty if the source has no colours
-  TextureImage normal;  // in the tangent frames of the target, RGB of 8 bits
+  TextureImage color;                   // sRGB, RGB of 8 bits; empty if the source has no colours
+  TextureImage normal;                  // in the tangent frames of the target, RGB of 8 bits
   std::int64_t texels = 0, missed = 0;  // inside charts; of these, whose rays met nothing
 };
 

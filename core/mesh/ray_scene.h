@@ -174,7 +174,7 @@ class Solid {
 struct RayScene {
   Vec3 low;
   double half;                      // of the diagonal
-  std::vector<rays::Point> points;        // per vertex
+  std::vector<rays::Point> points;  // per vertex
   std::vector<std::int32_t> faces;  // all with three vertices, in spatial order
   std::optional<rays::Solid> solid;
 
@@ -187,8 +187,8 @@ struct RayScene {
   // The nearest place of the surface on the line through `place` along `direction`, at most `reach` away, on a triangle
   // whose normal is less than a right angle from `direction`. Thread-safe.
   struct Hit {
-    std::int32_t face = -1;  // -1: none
-    double distance = 0;     // along `direction`
+    std::int32_t face = -1;                     // -1: none
+    double distance = 0;                        // along `direction`
     std::array<double, 3> weights = {0, 0, 0};  // of its corners
   };
   Hit Nearest(const Vec3& place, const Vec3& direction, double reach) const;

@@ -4,9 +4,9 @@
 // code 1 if a limit is not kept: 2 in the mean and 12 at the 99th percentile of smooth content, a tenth more than the
 // reference of other content, 2 degrees.
 //
-// planish_texture_transfer write FILE [--texels=N]; planish_texture_transfer cost FILE: a mesh of 100,000 triangles with
-// four maps; then the seconds of CPU that resampling the maps takes beside decoding and encoding them as PNG, and the
-// most memory that the process had. Exit code 1 if resampling takes longer, or the memory is above 600 MB.
+// planish_texture_transfer write FILE [--texels=N]; planish_texture_transfer cost FILE: a mesh of 100,000 triangles
+// with four maps; then the seconds of CPU that resampling the maps takes beside decoding and encoding them as PNG, and
+// the most memory that the process had. Exit code 1 if resampling takes longer, or the memory is above 600 MB.
 //
 // planish_texture_transfer project: a scan of 200,000 triangles onto a copy of 20,000, in images of 2048 texels a side.
 // Exit code 1 if normals are off by more than 3 degrees in the mean, or more than 0.5 % of the texels are missed.
@@ -44,7 +44,8 @@ double MostMegabytes() {
 int CompareLooks(int detail, int texels, int points) {
   bool is_good = true;
   std::printf(
-      "| model | triangles | materials | mean | 99 %% | reference | 99 %% | normals |\n|---|---|---|---|---|---|---|---|\n");
+      "| model | triangles | materials | mean | 99 %% | reference | 99 %% | normals "
+      "|\n|---|---|---|---|---|---|---|---|\n");
   for (const SampleModel& model : SampleModels(detail, texels)) {
     const MeshFile before = Opened(model.Glb());
     const MeshFile after = WithNewMap(before);
@@ -83,7 +84,9 @@ TextureImage Photograph(int texels, std::uint32_t seed) {
 std::string FourMaps(int texels) {
   constexpr double kPi = std::numbers::pi;
   SampleModel model = {"four", true, {}, {}};
-  const auto place = [](double x, double y) { return Vec3(x, -y, 0.02 * std::sin(6 * kPi * x) * std::cos(4 * kPi * y)); };
+  const auto place = [](double x, double y) {
+    return Vec3(x, -y, 0.02 * std::sin(6 * kPi * x) * std::cos(4 * kPi * y));
+  };
   model.patches.push_back({place, 250, 200, 0});
   for (std::uint32_t i = 0; i < 4; ++i) model.materials.push_back({Photograph(texels, i + 1), i == 1});
   GltfDocument document = *ParseGltf("four.glb", model.Glb());
@@ -149,9 +152,10 @@ int MeasureProjection() {
   const MeshFile written = Opened(projected.written.files.back().bytes);
   const ProjectionDifference difference = CompareWithScan(written, 100000);
   const double missed = static_cast<double>(projected.missed) / static_cast<double>(projected.texels);
-  std::printf("%lld triangles onto %lld: normals %.2f degrees in the mean, colours %.2f of 255, %.3f %% missed, %.1f s\n",
-              static_cast<long long>(scan.mesh.num_polygons()), static_cast<long long>(copy.mesh.num_polygons()),
-              difference.normal_mean_degrees, difference.color_mean, 100 * missed, seconds);
+  std::printf(
+      "%lld triangles onto %lld: normals %.2f degrees in the mean, colours %.2f of 255, %.3f %% missed, %.1f s\n",
+      static_cast<long long>(scan.mesh.num_polygons()), static_cast<long long>(copy.mesh.num_polygons()),
+      difference.normal_mean_degrees, difference.color_mean, 100 * missed, seconds);
   return difference.normal_mean_degrees <= 3 && missed < 0.005 ? 0 : 1;
 }
 

@@ -256,8 +256,7 @@ MeshFile WithNewMap(const MeshFile& file, const TextureOptions& textures) {
   options.format = MeshFormat::kGlb;
   options.textures = textures;
   options.textures.mode = TextureMode::kTransfer;
-  const WrittenMesh written =
-      Must(WriteMeshWithUv(file, UvOfPolygons(file.mesh, triangles, map.uv.data()), options));
+  const WrittenMesh written = Must(WriteMeshWithUv(file, UvOfPolygons(file.mesh, triangles, map.uv.data()), options));
   return Opened(written.files.back().bytes);
 }
 
@@ -354,7 +353,8 @@ T Blend(const std::array<T, 3>& corners, const std::array<double, 3>& w) {
 Vec3 NormalOf(const Look& look, const std::array<double, 3>& w, const std::vector<double>& rgb) {
   const Vec3 normal = Blend(look.normal, w);
   Vec3 tangent = Vec3::Zero();
-  for (std::size_t k = 0; k < 3; ++k) tangent += w[k] * Vec3(look.tangent[k][0], look.tangent[k][1], look.tangent[k][2]);
+  for (std::size_t k = 0; k < 3; ++k)
+    tangent += w[k] * Vec3(look.tangent[k][0], look.tangent[k][1], look.tangent[k][2]);
   const Vec3 bitangent = look.tangent[0][3] * normal.cross(tangent);
   return ((2 * rgb[0] / 255 - 1) * tangent + (2 * rgb[1] / 255 - 1) * bitangent + (2 * rgb[2] / 255 - 1) * normal)
       .normalized();
@@ -455,7 +455,8 @@ TextureImage ReferenceImage(const LoadedModel& before, const LoadedModel& after,
     const Frame frame = frame_of(owner[i]);
     std::array<double, 3> sum = {};
     for (int k = 0; k < 64; ++k) {
-      const Vec2 p(static_cast<double>(i % width) + (k % 8 + 0.5) / 8, static_cast<double>(i / width) + (k / 8 + 0.5) / 8);
+      const Vec2 p(static_cast<double>(i % width) + (k % 8 + 0.5) / 8,
+                   static_cast<double>(i / width) + (k / 8 + 0.5) / 8);
       const std::vector<double> shown = before.textures[old.texture].At(Blend(old.uv, frame.Weights(p)));
       for (std::size_t c = 0; c < 3; ++c) sum[c] += LinearOf(shown[c] / 255) / 64;
     }
@@ -482,7 +483,9 @@ Vec3 BallNormal(const Vec3& direction) {
   const Vec3 d = direction.normalized();
   const Vec3 x = (std::abs(d.x()) < 0.7 ? Vec3(1, 0, 0) : Vec3(0, 1, 0)).cross(d).normalized(), y = d.cross(x);
   constexpr double kStep = 1e-4;
-  return (OnBall(d + kStep * x) - OnBall(d - kStep * x)).cross(OnBall(d + kStep * y) - OnBall(d - kStep * y)).normalized();
+  return (OnBall(d + kStep * x) - OnBall(d - kStep * x))
+      .cross(OnBall(d + kStep * y) - OnBall(d - kStep * y))
+      .normalized();
 }
 
 double BallColor(const Vec3& direction, int channel) {
@@ -507,7 +510,8 @@ std::string ScanPly(int detail) {
     for (int j = 0; j < detail; ++j) {
       for (int i = 0; i < detail; ++i) {
         const std::uint32_t a = count + static_cast<std::uint32_t>(j) * w + static_cast<std::uint32_t>(i);
-        for (const std::array<std::uint32_t, 3>& face : {std::array{a, a + w + 1, a + 1}, std::array{a, a + w, a + w + 1}}) {
+        for (const std::array<std::uint32_t, 3>& face :
+             {std::array{a, a + w + 1, a + 1}, std::array{a, a + w, a + w + 1}}) {
           faces.push_back(3);
           for (const std::uint32_t v : face) Append(v, &faces);
           ++polygons;
