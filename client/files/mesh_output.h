@@ -14,7 +14,7 @@
 
 namespace planish {
 
-// What to do with images that materials use with the replaced UV.
+// What to do with the images of materials that use the UV which are replaced.
 enum class TextureMode {
   kLeave,     // unchanged; a warning lists them, as they no longer fit
   kTransfer,  // resampled into the new map (client/texture)

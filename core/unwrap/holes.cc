@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-// `piece` has no loops yet.
+// Sets `piece->loops` and `piece->outer`. Returns whether the piece is planar with holes.
 bool IsHoled(HoledPiece* piece) {
   const FlatMesh& mesh = piece->mesh;
   piece->loops = BoundaryLoops(mesh.opposite);
@@ -38,7 +38,7 @@ void AddFan(std::span<const std::int32_t> loop, FlatMesh* mesh) {
     const std::int32_t from = Origin(mesh->faces, loop[i]), to = Target(mesh->faces, loop[i]);
     sum += mesh->positions[from];
     mesh->faces.push_back({to, from, middle});
-    // The neighbours are the face before, that after, and the one beside the hole.
+    // The neighbours are the face before, the face after, and the face beside the hole.
     mesh->opposite.insert(mesh->opposite.end(),
                           {first + 3 * ((i + n - 1) % n) + 1, first + 3 * ((i + 1) % n), loop[i]});
     mesh->opposite[loop[i]] = first + 3 * i + 2;
@@ -46,7 +46,7 @@ void AddFan(std::span<const std::int32_t> loop, FlatMesh* mesh) {
   mesh->positions.push_back(sum / static_cast<double>(n));
 }
 
-// Paths along edges from what has been reached of a piece to the next hole.
+// Finds shortest paths along edges from the reached part of a piece to the next hole.
 class HoleSearch {
  public:
   HoleSearch(const HoledPiece& piece, const std::function<double(std::int32_t)>& cost)
@@ -60,7 +60,7 @@ class HoleSearch {
     ListEdges();
   }
 
-  // Half-edges, one for each edge of the slits; empty: not all holes can be reached.
+  // Half-edges, one for each edge of the slits; empty if some hole cannot be reached.
   std::vector<std::int32_t> Run() {
     std::vector<std::int32_t> slits;
     Reach(piece_.outer);
@@ -78,7 +78,7 @@ class HoleSearch {
   }
 
  private:
-  // Inner edges at each vertex.
+  // Lists the inner edges at each vertex.
   void ListEdges() {
     const auto& [faces, opposite, positions] = piece_.mesh;
     edges_.resize(positions.size());
@@ -94,7 +94,7 @@ class HoleSearch {
     return origin == v ? Target(piece_.mesh.faces, c) : origin;
   }
 
-  // Paths may begin there.
+  // Makes v a possible start of paths.
   void Start(std::int32_t v) {
     distance_[v] = 0;
     from_[v] = -1;
@@ -129,10 +129,10 @@ class HoleSearch {
 
   const HoledPiece& piece_;
   const std::function<double(std::int32_t)>& cost_;
-  std::vector<std::int32_t> loop_of_;  // per vertex: -1 inside; `outer` for all that has been reached
+  std::vector<std::int32_t> loop_of_;  // per vertex: -1 inside; `outer` once reached
   std::vector<std::vector<std::int32_t>> edges_;
   std::vector<double> distance_;
-  std::vector<std::int32_t> from_;  // per vertex: the edge that its path comes along
+  std::vector<std::int32_t> from_;  // per vertex: the last edge of its path
   using Entry = std::pair<double, std::int32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
 };

@@ -1,4 +1,4 @@
-// Pieces of a surface with holes: whether a chart is one, where it is slit open, and how its holes are filled.
+// Pieces of a surface with holes: whether a chart is one, where to slit it open, and how to fill its holes.
 #pragma once
 
 #include <cstdint>
@@ -15,31 +15,31 @@
 
 namespace planish {
 
-// A plane piece with holes, in one piece with itself: no slits.
+// A planar piece with holes, without slits.
 struct HoledPiece {
   FlatMesh mesh;
   Loops loops;              // two or more
-  std::int32_t outer = -1;  // the loop that is longest on the surface; the others are holes
+  std::int32_t outer = -1;  // the longest loop on the surface; the others are holes
 };
 
-// The piece that a slit chart is when its slits are glued. Nothing if that has no holes, or is no part of a plane: it
-// is closed, or has a handle. O(n) in its faces.
+// The piece that results from gluing the slits of a chart. Nothing if it has no holes, or is not planar: closed, or
+// with a handle. O(n) in its faces.
 std::optional<HoledPiece> HoledPieceOf(const Mesh& mesh, const Chart& chart);
 
-// Lets the slits of a chart that is a plane piece with holes run along short paths: from the outline to the nearest
-// hole, from there or from the outline to the next one, until all are joined (as in Prim's algorithm). `disc` and
-// `slits` are those of ChartMesh() (core/charts/gluing.h). `cost`, per half-edge of `disc`: of a slit there; infinite:
-// none may be there. Leaves everything as it was where the chart is no such piece, or holes cannot be reached.
+// Moves the slits of a chart that is a planar piece with holes to short paths: from the outline to the nearest hole,
+// from there or from the outline to the next one, until all are joined (as in Prim's algorithm). `disc` and `slits` are
+// those of ChartMesh() (core/charts/gluing.h). `cost` of a slit, per half-edge of `disc`; infinite where no slit may
+// be. Changes nothing if the chart is no such piece, or holes cannot be reached.
 void SlitAlongShortPaths(const std::function<double(std::int32_t)>& cost, FlatMesh* disc,
                          std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 
-// The chart with its slits glued and its holes filled by virtual faces, a fan each round a virtual vertex.
+// The chart with its slits glued and each hole filled by a fan of virtual faces round a virtual vertex.
 struct FilledChart {
   Topology topology;
-  std::vector<std::int32_t> corner;  // per corner: that of the chart, -1 for those of virtual faces
-  std::vector<Vec3> places;          // per vertex: on the surface
+  std::vector<std::int32_t> corner;  // per corner: the chart's corner, -1 for virtual faces
+  std::vector<Vec3> places;          // per vertex: its position on the surface
 };
-// Nothing if the chart is no HoledPiece, or a hole has less than three edges. O(n log n).
+// Nothing if the chart is not a HoledPiece, or a hole has fewer than three edges. O(n log n).
 std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution);
 
 }  // namespace planish
