@@ -1,8 +1,6 @@
 #include "core/charts/segmentation.h"
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <iterator>
 #include <limits>
@@ -359,15 +357,7 @@ bool Segmentation::Recut(std::int32_t chart, std::int32_t other, std::span<const
                          std::span<const HalfedgeHandle> to) {
   for (const HalfedgeHandle h : from) gluing_.Glue(h);
   for (const HalfedgeHandle h : to) gluing_.Unglue(h);
-  if (chart != other && HandOver(chart, other, from, to)) {
-    if (std::getenv("DBG")) {
-      PrepareScratch();
-      if (!IsDisc(faces_[chart], &scratch_.is_seen) || !IsDisc(faces_[other], &scratch_.is_seen))
-        std::fprintf(stderr, "NO DISC\n");
-    }
-    return true;
-  }
-  if (std::getenv("DBG") && chart != other) std::fprintf(stderr, "NO WAY\n");
+  if (chart != other && HandOver(chart, other, from, to)) return true;
   const std::size_t parts = chart == other ? 1 : 2;
   std::vector<std::int32_t> all = faces_[chart];
   if (parts == 2) all.insert(all.end(), faces_[other].begin(), faces_[other].end());

@@ -178,7 +178,7 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
   delivery.orientation = CheckOrientations(uv, job->execution, charts.ignored);
   delivery.precision = Precision::kDouble;
   if (job->options.precision != Precision::kDouble) {
-    CornerUv rounded = RoundToFloat(uv, job->execution);
+    CornerUv rounded = RoundToFloat(uv, job->options.pack, job->execution);
     OrientationFaults after = CheckOrientations(rounded, job->execution, charts.ignored);
     const OrientationFaults& exact = delivery.orientation;
     delivery.lost = std::max<std::int64_t>(after.flipped + after.degenerate - exact.flipped - exact.degenerate, 0);

@@ -13,10 +13,13 @@
 
 namespace planish {
 
-CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
+CornerUv RoundToFloat(const CornerUv& uv, bool flips, const Execution& execution) {
   CornerUv rounded(uv.size());
-  execution.ForEach(static_cast<std::int64_t>(uv.size()),
-                    [&](std::int64_t i) { rounded[i] = static_cast<double>(static_cast<float>(uv[i])); });
+  execution.ForEach(static_cast<std::int64_t>(uv.size()), [&](std::int64_t i) {
+    // Below 0.5, floats are closer to each other than those above 0.5, and 1 - v would have to be rounded.
+    rounded[i] = flips && i % 2 == 1 && uv[i] < 0.5 ? 1 - static_cast<double>(static_cast<float>(1 - uv[i]))
+                                                    : static_cast<double>(static_cast<float>(uv[i]));
+  });
   return rounded;
 }
 

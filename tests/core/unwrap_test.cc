@@ -324,6 +324,11 @@ TEST(Unwrap, DeliversAVerifiedMap) {
     ASSERT_GE(x, 0);
     ASSERT_LE(x, 1);
   }
+  // In glTF v counts downwards.
+  for (std::size_t i = 1; i < result->uv.size(); i += 2) {
+    const double v = result->uv[i];
+    ASSERT_EQ(1 - v, static_cast<double>(static_cast<float>(1 - v)));
+  }
   EXPECT_THAT(stages, ::testing::ElementsAre(UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout,
                                              UnwrapStage::kPack, UnwrapStage::kVerify));
 }

@@ -246,7 +246,7 @@ MeshFile Opened(const std::string& glb) {
 
 MeshFile WithNewMap(const MeshFile& file, const TextureOptions& textures) {
   const Triangulation triangles = Triangulate(file.mesh);
-  const testing::InProcessMap map = testing::UnwrapInProcess(triangles.mesh, triangles.piece, true);
+  const testing::InProcessMap map = testing::UnwrapInProcess(triangles.mesh, triangles.piece, true, true);
   if (!map.error.empty()) {
     std::cerr << map.error << "\n";
     std::abort();

@@ -109,6 +109,7 @@ def _options(chart: ChartOptions, pack: PackOptions) -> UnwrapOptions:
             if name not in used and value != getattr(default, name, value):
                 _ignore(f"{type(default).__name__}.{name}", _INSTEAD.get(name, ""))
     return UnwrapOptions(
+        prefer="texture",  # what xatlas makes charts for
         max_stretch=chart.max_stretch,
         texture_size=pack.resolution or None,
         padding=int(pack.padding) + (1 if pack.bilinear else 0),
