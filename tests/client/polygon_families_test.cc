@@ -24,12 +24,6 @@ TEST_P(PolygonFamily, IsWrittenWhole) {
   }
 }
 
-// What planish_polygon_hunt found: 1 - v had to be rounded, and two triangles overlapped in the file.
-TEST(PolygonFamilyRegression, GltfHoldsTheMapThatWasVerified) {
-  const std::string obj = testing::ObjText(testing::MakePolygons("thin", 7109, 26));
-  EXPECT_THAT(testing::BrokenPolygonPromises(obj, MeshFormat::kGlb), IsEmpty());
-}
-
 INSTANTIATE_TEST_SUITE_P(All, PolygonFamily, ValuesIn(testing::PolygonFamilies()),
                          [](const auto& family) { return family.param; });
 

@@ -57,9 +57,14 @@ std::vector<std::string> BrokenPolygonPromises(const std::string& obj, MeshForma
   const cli::CheckedMap map = cli::CheckMapOf(input, check, {});
   if (!map.without_uv.empty() || !map.not_finite.empty()) broken.push_back("faces without UV");
   // Faces without area on the surface get UV, but no promise holds for them.
+  const auto is_degenerate = [](const Mesh& mesh, std::size_t f) {
+    const auto [p, q, r] = TriangleOf(mesh.positions, mesh.faces[f]);
+    return IsDegenerateTriangle(p, q, r);
+  };
+  // A face without area may get some when a format rounds its positions to float.
+  const bool has_the_same_faces = map.mesh.faces.size() == triangles.mesh.faces.size();
   const auto has_area = [&](std::size_t f) {
-    const auto [p, q, r] = TriangleOf(map.mesh.positions, map.mesh.faces[f]);
-    return !IsDegenerateTriangle(p, q, r);
+    return !is_degenerate(map.mesh, f) && !(has_the_same_faces && is_degenerate(triangles.mesh, f));
   };
   std::int64_t overlaps = 0, flipped = 0, degenerate = 0;
   const std::vector<std::int32_t>& pairs = map.check.overlapping_pairs;
