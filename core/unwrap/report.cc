@@ -178,10 +178,22 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
   delivery.orientation = CheckOrientations(uv, job->execution, charts.ignored);
   delivery.precision = Precision::kDouble;
   if (job->options.precision != Precision::kDouble) {
+    const OrientationFaults& exact = delivery.orientation;
     CornerUv rounded = RoundToFloat(uv, job->options.pack, job->execution);
     OrientationFaults after = CheckOrientations(rounded, job->execution, charts.ignored);
-    const OrientationFaults& exact = delivery.orientation;
-    delivery.lost = std::max<std::int64_t>(after.flipped + after.degenerate - exact.flipped - exact.degenerate, 0);
+    const auto lost = [&exact](const OrientationFaults& faults) {
+      return std::max<std::int64_t>(faults.flipped + faults.degenerate - exact.flipped - exact.degenerate, 0);
+    };
+    if (job->options.pack && lost(after) > 0) {
+      // Floats keep more near v = 0 where 1 - v need not be one.
+      CornerUv finer = RoundToFloat(uv, false, job->execution);
+      OrientationFaults of_finer = CheckOrientations(finer, job->execution, charts.ignored);
+      if (lost(of_finer) < lost(after)) {
+        rounded = std::move(finer);
+        after = std::move(of_finer);
+      }
+    }
+    delivery.lost = lost(after);
     if (delivery.lost > 0) delivery.lost_faces = after.faces;
     if (delivery.lost == 0 || job->options.precision == Precision::kFloat) {
       delivery.precision = Precision::kFloat;
