@@ -550,7 +550,8 @@ TEST(CheckOverlaps, TakesNoPairsOfAFan) {
     return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   };
   double least = 1e9, least_of_large = 1e9;
-  for (int i = 0; i < 2; ++i) {
+  // More tries where other processes disturb the clock.
+  for (int i = 0; i < 2 || (i < 8 && least_of_large >= 8 * least); ++i) {
     least = std::min(least, seconds(8'000));
     least_of_large = std::min(least_of_large, seconds(32'000));
   }
