@@ -6,8 +6,8 @@
 #                                 give false reports by the hundred
 #
 # Leaves out tests of scripts, pages, packages and clients in other languages, which run little of our own code; tests
-# of the shared meshes, since generated ones run the same code; and tests of time ratios, which mean nothing in slow
-# code. Further arguments go to ctest. Ends like deploy/test.sh.
+# of the shared meshes, since generated ones run the same code; suites that run once more on PostgreSQL; and tests of
+# figures and time ratios, which mean nothing in slow code. Further arguments go to ctest. Ends like deploy/test.sh.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -21,4 +21,4 @@ case ${1:-} in
 esac
 shift
 export PLANISH_PRESET=$preset
-exec deploy/test.sh -E '^(blender|deploy|farm|house|interop|javascript|proto|python|report)_|^blobs_S3|SharedMeshes|TenantFlood.Shares' "$@"
+exec deploy/test.sh -E '^(blender|deploy|farm|house|interop|javascript|proto|python|report)_|^blobs_S3|SharedMeshes|TenantFlood.Shares|Ratchet|IsTheSameForASeed|Postgres/JobQueueStoreTest|Postgres/SharedUploads' "$@"
