@@ -81,7 +81,7 @@ TEST(SeamCost, HasAPriceForTurning) {
 
 // Euler's formula of a chart, by its half-edges.
 bool IsDisc(const Segmentation& segmentation, std::int32_t chart) {
-  std::vector<std::int32_t> place(segmentation.chart().size(), -1);
+  std::vector<std::int32_t> place;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
   const FlatMesh disc = ChartMesh(segmentation.gluing(), segmentation.charts()[chart], &place, &slits);
   const std::int64_t open = std::count(disc.opposite.begin(), disc.opposite.end(), -1);
