@@ -15,6 +15,7 @@
 #include "Eigen/Geometry"
 #include "client/cli/results.h"
 #include "client/cli/seams.h"
+#include "client/cli/session.h"
 #include "client/files/file_io.h"
 #include "client/pictures/map_picture.h"
 #include "client/pictures/uv_preview.h"
@@ -498,6 +499,13 @@ std::string MeshInput::Preview(const Uv& uv, const std::string& path, bool packe
 void WriteOutput(const std::string& path, const std::string& bytes) {
   const absl::Status status = WriteFile(path, bytes);
   if (!status.ok()) throw ErrorFrom(status);
+}
+
+void WriteAll(const std::vector<OutputFile>& files, Interrupts& interrupts) {
+  interrupts.SetCancel([] {});
+  for (const OutputFile& file : files) WriteOutput(file.path, file.bytes);
+  interrupts.SetCancel({});
+  interrupts.LeaveIfInterrupted();
 }
 
 void CheckOutput(const std::string& path) {

@@ -17,6 +17,8 @@
 
 namespace planish::cli {
 
+class Interrupts;
+
 // Which atlas each face goes into, from 0 on, and what these are called.
 struct FaceAtlases {
   std::vector<std::int32_t> of_face;
@@ -132,6 +134,8 @@ std::string ErrorLine(const Error& error, const MeshInput* input = nullptr);
 
 // Throws planish::Error (FILE_UNWRITABLE).
 void WriteOutput(const std::string& path, const std::string& bytes);
+// Writes all files: the first signal meanwhile takes effect afterwards. Throws as WriteOutput() does.
+void WriteAll(const std::vector<OutputFile>& files, Interrupts& interrupts);
 // Whether WriteOutput has a chance; throws FILE_UNWRITABLE if not, before minutes are spent on a solve.
 void CheckOutput(const std::string& path);
 // Makes a directory for output and those above it, where they are missing; throws FILE_UNWRITABLE.

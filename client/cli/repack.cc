@@ -427,10 +427,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
       input.WithUv(uv, input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
                                              static_cast<int>(options.atlas.padding), {}));
   for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
-  interrupts.SetCancel([] {});  // all files or none
-  for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
-  interrupts.SetCancel({});
-  interrupts.LeaveIfInterrupted();
+  WriteAll(written.files, interrupts);
   if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
 
   const double seconds = timer.Seconds();

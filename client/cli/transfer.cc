@@ -89,11 +89,37 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
                 Counted(missing, "triangle", "triangles") + " of " + to.path() + " " + (missing == 1 ? "is" : "are") +
                     " not in " + from.path() + ", the first of " + to.Place("face", to.PolygonOf(first_missing)) +
                     ": both files must have the same triangles, in any order; --project moves images between surfaces "
-                    "that only "
-                    "lie close",
+                    "that only lie close",
                 {{"count", std::to_string(missing)}});
   }
   return result;
+}
+
+// TO of the command, which must have UV; `use` says what for.
+MeshInput ReadTarget(const Arguments& arguments, const std::string& use) {
+  MeshInput to(arguments.more_inputs, arguments.texcoord);
+  if (to.CornerTexcoords().empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are " + use);
+  }
+  return to;
+}
+
+// Prints the warnings and `summary` for people, and `json` with the files and warnings.
+void Say(const Arguments& arguments, const WrittenMesh& written, const std::string& summary, Json json) {
+  if (!arguments.quiet) {
+    for (const OutputWarning& warning : written.warnings) {
+      std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
+    }
+    std::cerr << summary + "\n";
+  }
+  if (!arguments.json) return;
+  json["files"] = Json::array();
+  for (const OutputFile& file : written.files) json["files"].push_back(file.path);
+  json["warnings"] = Json::array();
+  for (const OutputWarning& warning : written.warnings) {
+    json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
+  }
+  std::cout << ToText(json) << std::flush;
 }
 
 // Texels that may be missed before a warning says so.
@@ -101,10 +127,7 @@ constexpr double kManyMissed = 0.005;
 
 int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   const MeshInput from({arguments.input}, 0);
-  const MeshInput to(arguments.more_inputs, arguments.texcoord);
-  if (to.CornerTexcoords().empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are where the images go");
-  }
+  const MeshInput to = ReadTarget(arguments, "where the images go");
   TextureArguments limits = arguments.textures;
   limits.textures = Textures::kDrop;  // those that TO may have are replaced
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
@@ -114,52 +137,33 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
   options.cage = arguments.cage_percent / 100;
   if (arguments.options.texture_size != 0) options.size = arguments.options.texture_size;
   interrupts.SetCancel([&is_stopped] { is_stopped = true; });
-  const absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
-  interrupts.SetCancel([] {});  // all files or none
+  absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
+  interrupts.SetCancel([] {});  // is_stopped goes out of scope
   if (!projected.ok()) throw ErrorFrom(projected.status());
-  for (const OutputFile& file : projected->written.files) WriteOutput(file.path, file.bytes);
-  interrupts.SetCancel({});
-  interrupts.LeaveIfInterrupted();
+  WriteAll(projected->written.files, interrupts);
   const double missed =
       static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
-  std::vector<OutputWarning> warnings;
+  WrittenMesh written = std::move(projected->written);
   if (missed > kManyMissed) {
-    warnings.push_back({"PROJECTION_MISSED", Significant(100 * missed, 2) + " % of the texels found nothing of " +
-                                                 from.path() +
-                                                 " within the cage, and have the colours of their neighbours; --cage "
-                                                 "makes it wider"});
+    written.warnings.push_back(
+        {"PROJECTION_MISSED", Significant(100 * missed, 2) + " % of the texels found nothing of " + from.path() +
+                                  " within the cage, and have the colours of their neighbours; --cage "
+                                  "makes it wider"});
   }
-  if (!arguments.quiet) {
-    for (const OutputWarning& warning : warnings) {
-      std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
-    }
-    std::cerr << Printable(to.path(), true) + " shows the " +
-                     (projected->has_colors ? "colours and normals" : "normals") + " of " +
-                     Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".\n";
-  }
-  if (arguments.json) {
-    Json json = {{"triangles", to.mesh().faces.size()},
-                 {"texels", projected->texels},
-                 {"missed", projected->missed},
-                 {"colors", projected->has_colors},
-                 {"seconds", {{"total", timer.Seconds()}}}};
-    json["files"] = Json::array();
-    for (const OutputFile& file : projected->written.files) json["files"].push_back(file.path);
-    json["warnings"] = Json::array();
-    for (const OutputWarning& warning : warnings) {
-      json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
-    }
-    std::cout << ToText(json) << std::flush;
-  }
+  Say(arguments, written,
+      Printable(to.path(), true) + " shows the " + (projected->has_colors ? "colours and normals" : "normals") +
+          " of " + Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".",
+      {{"triangles", to.mesh().faces.size()},
+       {"texels", projected->texels},
+       {"missed", projected->missed},
+       {"colors", projected->has_colors},
+       {"seconds", {{"total", timer.Seconds()}}}});
   return kOk;
 }
 
 int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   const MeshInput from({arguments.input}, 0);
-  const MeshInput to(arguments.more_inputs, arguments.texcoord);
-  if (to.CornerTexcoords().empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are what it is read for");
-  }
+  const MeshInput to = ReadTarget(arguments, "what it is read for");
   const std::vector<OutputOptions> outputs =
       from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
@@ -173,29 +177,13 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
     };
   }
   const WrittenMesh written = from.WithUv(uv, sized);
-  interrupts.SetCancel([] {});  // all files or none
-  for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
-  interrupts.SetCancel({});
-  interrupts.LeaveIfInterrupted();
-  if (!arguments.quiet) {
-    for (const OutputWarning& warning : written.warnings) {
-      std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
-    }
-    std::cerr << Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
-                     Printable(from.path(), true) + " have the UV of " + Printable(to.path(), true) + " in " +
-                     Printable(arguments.output, true) + ", " +
-                     Counted(static_cast<std::int64_t>(written.files.size()), "file", "files") + " written.\n";
-  }
-  if (arguments.json) {
-    Json json = {{"triangles", from.mesh().faces.size()}, {"seconds", {{"total", timer.Seconds()}}}};
-    json["files"] = Json::array();
-    for (const OutputFile& file : written.files) json["files"].push_back(file.path);
-    json["warnings"] = Json::array();
-    for (const OutputWarning& warning : written.warnings) {
-      json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
-    }
-    std::cout << ToText(json) << std::flush;
-  }
+  WriteAll(written.files, interrupts);
+  Say(arguments, written,
+      Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
+          Printable(from.path(), true) + " have the UV of " + Printable(to.path(), true) + " in " +
+          Printable(arguments.output, true) + ", " +
+          Counted(static_cast<std::int64_t>(written.files.size()), "file", "files") + " written.",
+      {{"triangles", from.mesh().faces.size()}, {"seconds", {{"total", timer.Seconds()}}}});
   return kOk;
 }
 

@@ -11,9 +11,9 @@
 
 namespace planish {
 
-// Indices of accessors and bufferViews never change, as extensions may refer to them in unknown ways. So an accessor is
-// replaced in place if the replaced references were its only uses, and added at the end otherwise; views without
-// remaining uses get the new bytes. Anything in an unknown extension that looks like an index counts as a use.
+// Indices of accessors and bufferViews never change, since extensions may refer to them in unknown ways. An accessor is
+// replaced in place if nothing else uses it; otherwise the new one is added at the end. Unused views get the new bytes.
+// Anything in an unknown extension that looks like an index counts as a use.
 class GltfPatch {
  public:
   // Works on a copy of document.json. `document` must have been read by ReadGltf, and outlive the object.

@@ -18,6 +18,7 @@
 #include "client/files/file_io.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/readers.h"
+#include "client/texture/image.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
@@ -195,9 +196,6 @@ std::vector<int> UvSets(const MeshFile& file) {
 std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
   std::vector<std::array<double, 3>> colors;
   if (!file.gltf) return colors;
-  const auto to_srgb = [](double x) {
-    return x <= 0.0031308 ? 12.92 * std::max(x, 0.0) : 1.055 * std::pow(std::min(x, 1.0), 1 / 2.4) - 0.055;
-  };
   for (std::size_t i = 0; i < file.mesh.material_names.size(); ++i) {
     std::array<double, 3> color = {1, 1, 1};  // the standard's default
     const Json& material = file.gltf->document.json["materials"][i];
@@ -208,7 +206,7 @@ std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
         if ((*factor)[k].is_number()) color[k] = (*factor)[k].get<double>();
       }
     }
-    for (double& x : color) x = to_srgb(x);
+    for (double& x : color) x = SrgbOfLinear(std::clamp(x, 0.0, 1.0));
     colors.push_back(color);
   }
   return colors;

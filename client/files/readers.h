@@ -16,7 +16,7 @@
 
 namespace planish {
 
-// A corner that refers to a missing vt has none: its geometry is valid, and the vt will be replaced.
+// A corner that refers to a missing vt is read as a corner without UV: unwrapping replaces the UV anyway.
 absl::StatusOr<PolygonMesh> ReadObj(const std::string& path, std::string_view text);
 absl::StatusOr<PolygonMesh> ReadPly(const std::string& path, std::string_view bytes);
 absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view text);

@@ -27,10 +27,6 @@ namespace {
 
 using Rgb = std::array<float, 3>;
 
-float Linear(double srgb) {
-  return static_cast<float>(srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4));
-}
-
 // Per vertex the mean of the normals of its faces, weighted by their angles there.
 std::vector<Vec3> SmoothNormals(const std::vector<Vec3>& positions, const std::vector<Face>& faces) {
   std::vector<Vec3> normals(positions.size(), Vec3::Zero());
@@ -254,7 +250,8 @@ class LooksReader {
           }
           double value = 0;
           PLANISH_RETURN_IF_ERROR(values.ReadDouble({element.name.c_str(), i}, property.type, &value));
-          rgb[static_cast<std::size_t>(channel)] = Linear(IsInteger(property.type) ? value / 255 : value);
+          rgb[static_cast<std::size_t>(channel)] =
+              static_cast<float>(LinearOfSrgb(IsInteger(property.type) ? value / 255 : value));
           ++found;
         }
         if (e == layout.vertex) of_vertex.push_back(rgb);

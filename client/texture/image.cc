@@ -1,5 +1,6 @@
 #include "client/texture/image.h"
 
+#include <cmath>
 #include <new>
 
 #include "core/base/error.h"
@@ -165,6 +166,14 @@ absl::StatusOr<std::string> EncodeImage(const TextureImage& image) {
       return texture_internal::EncodeWebpImage(image);
   }
   return InternalError("no such kind of image");
+}
+
+double LinearOfSrgb(double srgb) {
+  return srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
+}
+
+double SrgbOfLinear(double linear) {
+  return linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
 }
 
 }  // namespace planish

@@ -60,6 +60,10 @@ absl::StatusOr<TextureImage> DecodeImage(std::string_view bytes, const std::stri
 // The bytes of a file of kind image.header.kind. INTERNAL if the library fails.
 absl::StatusOr<std::string> EncodeImage(const TextureImage& image);
 
+// Between sRGB and linear light (IEC 61966-2-1), both in [0, 1].
+double SrgbOfLinear(double linear);
+double LinearOfSrgb(double srgb);
+
 namespace texture_internal {
 
 // The codecs, one file for each. `image` has kind and size from the header that was read.

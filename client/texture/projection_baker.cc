@@ -163,7 +163,7 @@ absl::StatusOr<Projection> Project(const ProjectionSource& source, const Project
             result.normal.texels[channel] = Byte(0.5 + 0.5 * normal[c]);
             if (source.has_colors()) {
               result.color.texels[channel] =
-                  Byte(texture_internal::SrgbOfLinear(std::clamp(seen.color[c] / seen.hits, 0.0, 1.0)));
+                  Byte(SrgbOfLinear(std::clamp(seen.color[c] / seen.hits, 0.0, 1.0)));
             }
           }
         }

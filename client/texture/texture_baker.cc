@@ -338,7 +338,7 @@ class TextureDrawing {
         out[c] = srgb && !is_alpha ? texture_internal::Srgb8OfLinear16()[static_cast<int>(x * 65535 + 0.5F)]
                                    : static_cast<std::uint8_t>(x * 255 + 0.5F);
       } else {
-        const double y = srgb && !is_alpha ? texture_internal::SrgbOfLinear(x) : x;
+        const double y = srgb && !is_alpha ? SrgbOfLinear(x) : x;
         const auto wide = static_cast<std::uint16_t>(y * 65535 + 0.5);
         std::memcpy(out + 2 * c, &wide, sizeof wide);
       }

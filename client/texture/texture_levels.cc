@@ -6,14 +6,6 @@
 
 namespace planish::texture_internal {
 
-double LinearOfSrgb(double srgb) {
-  return srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
-}
-
-double SrgbOfLinear(double linear) {
-  return linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
-}
-
 const float* LinearOfSrgb8() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> values;

@@ -31,8 +31,6 @@ constexpr float TexelScale() {
 // Tables between sRGB and linear light, of 8 bits.
 const float* LinearOfSrgb8();           // 256
 const std::uint8_t* Srgb8OfLinear16();  // 65536
-double SrgbOfLinear(double linear);     // in [0, 1]
-double LinearOfSrgb(double srgb);       // in [0, 1]
 
 template <typename Texel>
 class TextureLevels {

@@ -141,7 +141,7 @@ struct BarrierTuning {
 };
 
 // Work that is still allowed after a stop request, to get the angles flat enough. The counts take a fraction of a
-// second whatever the size of the chart, but have a minimum. Larger: a later end, better angles.
+// second for charts of any size, but have a minimum. Larger values: a later end, better angles.
 struct StopTuning {
   // Newton steps: max(min_steps, step_faces / faces).
   std::int64_t min_steps = 4;

@@ -36,8 +36,8 @@ struct AtlasTuning {
   // The search (unwrap/seam_search.cc) begins with charts of so little stretch, as they are merged for the packer.
   double seams_first_stretch = 1.05;
   int seam_rounds = 3;  // at most, of gluing charts and moving seams
-  // Faces whose maps are estimated again where charts are glued and where seams are moved, at most: this times those of
-  // the surface, and twice that for the first `thorough_faces`.
+  // Limits of the work: how many faces, per face of the surface, may be estimated again to glue charts and to move
+  // seams. The first `thorough_faces` of the surface count twice.
   double glue_estimates = 6, move_estimates = 8;
   double thorough_faces = 20'000;
   int seam_band = 6;        // edges that a seam may be moved by at once

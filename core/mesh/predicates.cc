@@ -42,7 +42,7 @@ class Expansion {
 };
 
 // The first corner k of the counter-clockwise triangle s such that all of t is on or outside of the edge from k to the
-// next corner; -1 if there is none.
+// next corner; -1 if no edge separates them.
 int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   for (int k = 0; k < 3; ++k) {
     const Vec2 &from = s[k], &to = s[Next(k)];

@@ -1,5 +1,5 @@
-// Grows charts until they are jammed: each chart is pushed and rotated away from those that are too near. Distances are
-// sampled, so they may be slightly too short (tighten.cc measures them exactly).
+// Grows charts until they are jammed: each chart is pushed and rotated away from charts that are too near. Distances
+// are sampled, so they may be slightly too short (tighten.cc measures them exactly).
 #pragma once
 
 #include <cstdint>

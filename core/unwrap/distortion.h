@@ -46,8 +46,8 @@ struct MapSums {
 };
 
 // Length of the seams on the surface (Quality::seam_length, not normalized): an edge of n faces counts for each of its
-// n / 2 pairs that are separated in the map. `half_edges`: those of the surface, in any order; two joined half-edges of
-// one edge may be left out. `is_joined`, per half-edge: whether the map continues across it. O(n).
+// n / 2 pairs that are separated in the map. `half_edges`: all half-edges of the surface, in any order; two joined
+// half-edges of one edge may be left out. `is_joined`, per half-edge: whether the map continues across it. O(n).
 double SeamLength(const Mesh& mesh, const std::vector<std::int32_t>& half_edges,
                   const std::function<bool(std::int32_t)>& is_joined);
 

@@ -222,9 +222,9 @@ class SeamSearch {
     return gained;
   }
 
-  // What has been tried in vain: a border, by its first half-edge and the number of them. It is not tried again until
-  // one of these charts, or of their images, has changed, and on large surfaces not in the same round, since charts
-  // that have grown seldom do better together.
+  // Borders whose charts could not be glued, or moved, for less cost; the key is the first half-edge and the number of
+  // half-edges. A border is tried again once one of its charts, or of their mirror images, has changed; on large
+  // surfaces not in the same round, since larger charts seldom succeed where smaller ones failed.
   struct Tried {
     int round;
     std::int32_t chart, other;
@@ -286,7 +286,7 @@ class SeamSearch {
     moved->before.push_back(estimates_.Replace(i));
     if (i != j) moved->before.push_back(estimates_.Replace(j));
     for (const std::int32_t k : {i, j}) {
-      if (k == i || i != j) move_left_ -= static_cast<double>(segmentation_.charts()[k].size());
+      move_left_ -= static_cast<double>(segmentation_.charts()[k].size());
       Measure(k);
     }
   }

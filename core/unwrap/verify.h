@@ -28,8 +28,8 @@ inline std::array<Vec2, 3> TriangleOf(const CornerUv& uv, std::int64_t face) {
   return {UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)};
 }
 
-// `uv` rounded to float. With `flips`, v is rounded so that 1 - v is a float too: glTF counts v downwards, and the map
-// that it holds must be the one that was verified. For maps in [0, 1] only, since steps of v are then 2^-24 even near 0.
+// `uv` rounded to float. With `flips`, v is rounded so that 1 - v is a float too: glTF counts v downwards, and a glTF
+// file must hold the verified map. For maps in [0, 1] only, since steps of v are then 2^-24 even near 0.
 CornerUv RoundToFloat(const CornerUv& uv, bool flips, const Execution& execution = {});
 
 // The maximal number of listed elements of each kind of fault.

@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// A call that arrives while others run waits, and one waiting thread runs the calls of all that wait. So the cost of a
+// A call that arrives while others run waits; then one waiting thread runs all waiting calls together. The cost of a
 // call falls as the load rises. Thread-safe. A Call has `keys`; calls that share a key are in different groups.
 template <class Call>
 class CallGroups {

@@ -91,7 +91,7 @@ class Progress:
 
 
 def engine(settings):
-    """The available engine, as a function start(sheet, options) -> call. Raises Failed if there is none."""
+    """The available engine, as a function start(sheet, options) -> call. Raises Failed if no engine is available."""
     if settings.where == "SERVER" and not settings.address:
         raise Failed("The preferences of the add-on ask for a server at an address, but name none")
     named = _named_server(settings)

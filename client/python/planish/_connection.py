@@ -31,7 +31,7 @@ class ConnectionOptions:
 
     #: Encrypt "host:port". Also on if one of the files is given. None: $PLANISH_TLS.
     tls: Optional[bool] = None
-    #: The certificate authority of the server's certificate, PEM; empty: those that gRPC trusts. None: $PLANISH_TLS_CA.
+    #: The certificate authority of the server's certificate, PEM; empty: the authorities that gRPC trusts. None: $PLANISH_TLS_CA.
     tls_ca_file: Optional[str] = None
     #: The caller's certificate and its key, PEM; both or none. None: $PLANISH_TLS_CERT and $PLANISH_TLS_KEY.
     tls_cert_file: Optional[str] = None
