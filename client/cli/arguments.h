@@ -57,6 +57,8 @@ struct TextureArguments {
   Textures textures = Textures::kTransfer;
   std::int64_t memory_mb = 0;  // most that one image may take; 0: half of the machine's
   bool allow_outside = false;
+  bool merge_materials = false;
+  bool bake_colors = false;
 };
 
 enum class Requirement { kUv, kNoOverlap, kNoFlip, kNoMirror, kNoDegenerate, kInTile };

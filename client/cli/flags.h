@@ -53,8 +53,8 @@ void AddTexcoord(CLI::App& app, Arguments& arguments);
 void AddOutputTexcoord(CLI::App& app, Arguments& arguments);
 // --textures and what goes with it.
 void AddTextures(CLI::App& app, Arguments& arguments);
-// --memory and --allow-outside, which AddTextures() includes.
-void AddImageLimits(CLI::App& app, Arguments& arguments);
+// --merge-materials, --bake, --memory and --allow-outside, which AddTextures() includes.
+void AddImageFlags(CLI::App& app, Arguments& arguments);
 // --quiet and --color. It begins a group, so it comes last, but for AddProgress(), which adds --progress and --verbose.
 void AddTerminal(CLI::App& app, Arguments& arguments);
 void AddProgress(CLI::App& app, Arguments& arguments);

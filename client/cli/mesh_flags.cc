@@ -351,7 +351,7 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
                   "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
       ->check(CLI::Range(0.001, 100.0).description(""))
       ->type_name("PERCENT");
-  AddImageLimits(transfer, arguments);
+  AddImageFlags(transfer, arguments);
   AddJson(transfer, arguments);
   AddTerminal(transfer, arguments);
 }
