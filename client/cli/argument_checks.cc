@@ -160,6 +160,14 @@ std::string CheckStdout(Arguments& arguments) {
   return "-o - and --json both want stdout; write the mesh to a file, or leave --json out";
 }
 
+std::string CheckPainting(Arguments& arguments) {
+  if (arguments.textures.textures == Textures::kTransfer) return "";
+  const std::string given = std::string("--textures=") + ToString(arguments.textures.textures);
+  if (arguments.textures.merge_materials) return "--merge-materials draws images anew, and " + given + " does not";
+  if (arguments.textures.bake_colors) return "--bake draws an image, and " + given + " draws none";
+  return "";
+}
+
 std::string CheckDestination(const Arguments& arguments, const std::string& command) {
   if (!arguments.output.empty()) return "";
   return "where should the result go? " + OutputExample(command, arguments.input);
@@ -253,10 +261,10 @@ using Check = std::string (*)(Arguments&);
 std::vector<Check> ChecksOf(Command command) {
   switch (command) {
     case Command::kUnwrap:
-      return {CheckInputs, CheckStreams, CheckTexcoordOfUnwrap, CheckPreview, CheckStdout, CheckAtlas,
+      return {CheckInputs, CheckStreams, CheckTexcoordOfUnwrap, CheckPreview, CheckStdout, CheckPainting, CheckAtlas,
               CheckParts,  CheckDetach};
     case Command::kPack:
-      return {CheckTexcoord, CheckPreview, CheckStdout, CheckPack};
+      return {CheckTexcoord, CheckPreview, CheckStdout, CheckPainting, CheckPack};
     case Command::kTransfer:
       return {CheckStreams, CheckStdout, CheckTransfer};
     case Command::kCheck:
@@ -275,7 +283,7 @@ std::vector<Check> ChecksOf(Command command) {
     case Command::kAdminConfig:
       return {CheckAdmin};
     case Command::kJobsWatch:
-      return {CheckTexcoord, CheckPreview, CheckStdout, CheckWatch, CheckJobs};
+      return {CheckTexcoord, CheckPreview, CheckStdout, CheckPainting, CheckWatch, CheckJobs};
     case Command::kJobsList:
     case Command::kJobsShow:
     case Command::kJobsStop:

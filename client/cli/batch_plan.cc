@@ -251,7 +251,9 @@ std::string SettingsDigest(const Arguments& arguments) {
                      {"weights", arguments.material_weights},
                      {"texcoord", arguments.texcoord},
                      {"output_texcoord", arguments.OutputTexcoord()},
-                     {"textures", ToString(arguments.textures.textures)}};
+                     {"textures", ToString(arguments.textures.textures)},
+                     {"merge_materials", arguments.textures.merge_materials},
+                     {"bake_colors", arguments.textures.bake_colors}};
   return Hexadecimal(ToLine(json));
 }
 

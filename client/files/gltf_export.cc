@@ -76,9 +76,9 @@ class GltfExport {
   // Gives every primitive a material that shows the PNG.
   void ShowImage(const std::string& png, bool has_alpha) {
     Pad(&buffer_);
-    Json& views = json_["bufferViews"];
-    json_["images"] = Json::array({{{"name", "colors"}, {"mimeType", "image/png"}, {"bufferView", views.size()}}});
-    views.push_back({{"buffer", 0}, {"byteOffset", buffer_.size()}, {"byteLength", png.size()}});
+    json_["images"] =
+        Json::array({{{"name", "colors"}, {"mimeType", "image/png"}, {"bufferView", json_["bufferViews"].size()}}});
+    json_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", buffer_.size()}, {"byteLength", png.size()}});
     buffer_ += png;
     json_["buffers"][0]["byteLength"] = buffer_.size();
     json_["textures"] = Json::array({{{"source", 0}}});

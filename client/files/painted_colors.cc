@@ -86,7 +86,7 @@ absl::StatusOr<double> EstimatePaintedSide(const MeshFile& file, double total_ar
     const auto at = [&](std::size_t k) { return cut.mesh.positions[static_cast<std::size_t>(face[k])]; };
     areas.push_back(AreaOfTriangle(at(0), at(1), at(2)));
     const double leg = std::sqrt(2 * kFilled * areas.back() / total_area);
-    triangles.push_back({{}, {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)}});
+    triangles.push_back({{Vec2(0, 0), Vec2(0, 0), Vec2(0, 0)}, {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)}});
   }
   return std::max(1.0, SideOfVertexColors(triangles, areas));
 }
