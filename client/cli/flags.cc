@@ -102,7 +102,7 @@ void AddProgress(CLI::App& app, Arguments& arguments) {
   Choices<ProgressMode>{
       {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
       .AddTo(app, "--progress", arguments.progress,
-             "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file; "
+             "What stderr shows of a running job and of images that are drawn; auto: a bar on a terminal, else nothing (of a batch a line per file; "
              "with "
              "--verbose as plain)");
   app.add_flag("-v,--verbose", arguments.verbose,

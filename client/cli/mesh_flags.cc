@@ -312,6 +312,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
   AddPreview(pack, arguments);
   AddJson(pack, arguments);
   AddTerminal(pack, arguments);
+  AddProgress(pack, arguments);
 }
 
 void DefineTransfer(CLI::App& app, Arguments& arguments) {
@@ -354,6 +355,7 @@ void DefineTransfer(CLI::App& app, Arguments& arguments) {
   AddImageFlags(transfer, arguments);
   AddJson(transfer, arguments);
   AddTerminal(transfer, arguments);
+  AddProgress(transfer, arguments);
 }
 
 void DefineCheck(CLI::App& app, Arguments& arguments) {

@@ -15,6 +15,7 @@
 
 #include "Eigen/Geometry"
 #include "client/cli/commands.h"
+#include "client/cli/image_work.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
@@ -411,21 +412,15 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
     done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);
   });
   const double pack_seconds = pack_timer.Seconds();
-  if (is_interrupted) {
-    std::cerr << "planish: interrupted; nothing was written\n";
-    if (arguments.json) {
-      Failure failure = FailureOf(Error(ErrorCode::kCancelled, "CANCELLED", "interrupted"));
-      failure.total_seconds = timer.Seconds();
-      std::cout << ToText(ReportJson(failure)) << std::flush;
-    }
-    return kInterrupted;
-  }
+  if (is_interrupted) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
 
   const Uv uv(std::move(done.uv));
   std::vector<Warning> warnings = WarningsOf(done, options.atlas);
-  const WrittenMesh written =
-      input.WithUv(uv, input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
-                                             static_cast<int>(options.atlas.padding), {}));
+  WrittenMesh written;
+  DrawImages(arguments, input.path(), interrupts,
+             input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
+                                   static_cast<int>(options.atlas.padding), {}),
+             [&](const std::vector<OutputOptions>& watched) { written = input.WithUv(uv, watched); });
   for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
   WriteAll(written.files, interrupts);
   if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
@@ -447,6 +442,7 @@ int RunPack(const Arguments& arguments, Interrupts& interrupts) {
     input.emplace(std::vector<std::string>{arguments.input}, arguments.texcoord);
     return PackFile(*input, arguments, interrupts, timer);
   } catch (const Error& error) {
+    if (interrupts.interrupted()) return Interrupted(arguments, error, timer.Seconds());
     return Fail(arguments, input ? &*input : nullptr, error, timer.Seconds());
   }
 }

@@ -1,7 +1,6 @@
 // planish transfer: the images of one file in the map of another.
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cstdint>
 #include <iostream>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "client/cli/commands.h"
+#include "client/cli/image_work.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
@@ -131,15 +131,15 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
   TextureArguments limits = arguments.textures;
   limits.textures = Textures::kDrop;  // those that TO may have are replaced
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
-  std::atomic<bool> is_stopped = false;
-  output.textures.stop = &is_stopped;
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
   if (arguments.options.texture_size != 0) options.size = arguments.options.texture_size;
-  interrupts.SetCancel([&is_stopped] { is_stopped = true; });
-  absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
-  interrupts.SetCancel([] {});  // is_stopped goes out of scope
-  if (!projected.ok()) throw ErrorFrom(projected.status());
+  std::optional<ProjectedMesh> projected;
+  DrawImages(arguments, to.path(), interrupts, {output}, [&](const std::vector<OutputOptions>& watched) {
+    absl::StatusOr<ProjectedMesh> done = ProjectSurface(from.file(), to.file(), watched.front(), options);
+    if (!done.ok()) throw ErrorFrom(done.status());
+    projected = *std::move(done);
+  });
   WriteAll(projected->written.files, interrupts);
   const double missed =
       static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
@@ -169,14 +169,10 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
-  std::vector<OutputOptions> sized =
-      from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
-  if (arguments.verbose) {
-    sized.front().textures.on_image = [](const std::string& image) {
-      std::cerr << "Moving image " + Printable(image, true) + "\n";
-    };
-  }
-  const WrittenMesh written = from.WithUv(uv, sized);
+  WrittenMesh written;
+  DrawImages(arguments, from.path(), interrupts,
+             from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {}),
+             [&](const std::vector<OutputOptions>& watched) { written = from.WithUv(uv, watched); });
   WriteAll(written.files, interrupts);
   Say(arguments, written,
       Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
@@ -190,7 +186,13 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
 }  // namespace
 
 int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
-  return arguments.project ? ProjectFile(arguments, interrupts, Timer()) : TransferFile(arguments, interrupts, Timer());
+  const Timer timer;
+  try {
+    return arguments.project ? ProjectFile(arguments, interrupts, timer) : TransferFile(arguments, interrupts, timer);
+  } catch (const Error& error) {
+    if (!interrupts.interrupted()) throw;
+    return Interrupted(arguments, error, timer.Seconds());
+  }
 }
 
 }  // namespace planish::cli

@@ -25,6 +25,14 @@ namespace {
 // How long a cancelled job may take to say so before we leave without its word.
 constexpr double kCancelPatienceSeconds = 10;
 
+// Of a view of one job.
+void End(ProgressView& view, bool succeeded) {
+  BatchRow row;
+  row.result = succeeded ? BatchResult::kUsable : BatchResult::kFailed;
+  view.End(0, row);
+  view.Finish();
+}
+
 // What both commands that bring a result share: the error in the file's words, the result on its way out.
 class ResultCommand {
  public:
@@ -52,16 +60,14 @@ class ResultCommand {
     return planish::Seconds(std::max(0.001, arguments_.timeout_seconds - timer_.Seconds()));
   }
 
-  // The first signal ends the drawing of images; then nothing is written. Files are written all or none.
-  int Deliver(UnwrapResult result, const Arguments& arguments, Interrupts& interrupts) {
+  // The first signal ends the drawing of images; then nothing is written. Files are written all or none. Ends the view.
+  int Deliver(UnwrapResult result, const Arguments& arguments, Interrupts& interrupts, ProgressView& view) {
     std::stop_source stop;
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
-    std::function<void(const std::string&)> on_image;
-    if (arguments.verbose) {
-      on_image = [](const std::string& image) { std::cerr << "Moving image " + Printable(image, true) + "\n"; };
-    }
-    files_->WriteResult(result, on_image, stop.get_token());
+    files_->WriteResult(
+        result, [&view](const ImageProgress& progress) { view.OnImage(0, progress); }, stop.get_token());
     interrupts.SetCancel({});
+    End(view, !interrupts.interrupted());
     interrupts.LeaveIfInterrupted();
     const MeshInput& input = files_->input();
     if (!arguments.picture.empty()) {
@@ -120,14 +126,6 @@ class ResultCommand {
   double start_seconds_ = 0;
   std::optional<UnwrapFiles> files_;
 };
-
-// Of a view of one job.
-void End(ProgressView& view, bool succeeded) {
-  BatchRow row;
-  row.result = succeeded ? BatchResult::kUsable : BatchResult::kFailed;
-  view.End(0, row);
-  view.Finish();
-}
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
   const Job job = client.CreateJob(mesh, arguments.options, call);
@@ -189,7 +187,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
       error = e;
     }
     interrupts.SetCancel({});
-    End(*view, result.has_value() && !interrupts.interrupted());
+    if (!result || interrupts.interrupted()) End(*view, false);
     if (interrupts.interrupted()) {
       const Error cancelled = Error(ErrorCode::kCancelled, "CANCELLED", "interrupted").set_job(call.job());
       const bool confirmed = result.has_value() || (error && error->code() == ErrorCode::kCancelled);
@@ -198,7 +196,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
                                  cancelled);
     }
     if (error) return command.Fail(*error);
-    return command.Deliver(*std::move(result), arguments, interrupts);
+    return command.Deliver(*std::move(result), arguments, interrupts, *view);
   } catch (const Error& error) {
     if (view) End(*view, false);
     if (interrupts.interrupted() && error.code() == ErrorCode::kCancelled) {
@@ -226,8 +224,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     if (!arguments.input.empty()) {
       UnwrapResult result = server.client().AttachResult(arguments.job, command.files().input().view(),
                                                          view->CallbacksOf(0, arguments.verbose), call);
-      End(*view, true);
-      return command.Deliver(std::move(result), arguments, interrupts);
+      return command.Deliver(std::move(result), arguments, interrupts, *view);
     }
     const Job job = server.client().WatchJob(arguments.job, view->CallbacksOf(0, arguments.verbose), 0, call);
     End(*view, job.state == JobState::kSucceeded);

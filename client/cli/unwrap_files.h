@@ -43,7 +43,7 @@ class UnwrapFiles {
   // what was noticed on the way. `on_image` hears of each image that is moved, before; nothing is written once `stop`
   // is asked for. Throws FILE_UNWRITABLE, CANCELLED, and what is wrong with images.
   std::vector<OutputFile> WriteResult(UnwrapResult& result,
-                                      const std::function<void(const std::string&)>& on_image = {},
+                                      const std::function<void(const ImageProgress&)>& on_image = {},
                                       const std::stop_token& stop = {}) const;
 
  private:

@@ -328,13 +328,14 @@ std::int64_t GltfMerge::AddTexture(const PlannedImage& image, std::string bytes,
   return std::ssize(root["textures"]) - 1;
 }
 
-absl::Status GltfMerge::Write(const GltfOutput& output, TextureFileNames* names, GltfPatch* patch,
+absl::Status GltfMerge::Write(const GltfOutput& output, std::size_t drawn, TextureFileNames* names, GltfPatch* patch,
                               WrittenMesh* written) const {
+  const std::size_t total = drawn + num_images();
   std::set<std::int64_t> old_materials, old_textures;
   for (const MergedGroup& group : groups_) {
     MergePlan plan = PlanMerge(group);
     for (const PlannedImage& image : plan.images) {
-      if (options_.textures.on_image) options_.textures.on_image(image.name);
+      if (options_.textures.on_image) options_.textures.on_image({image.name, ++drawn, total});
       absl::StatusOr<std::string> bytes = Draw(output, group, image, &written->warnings);
       if (!bytes.ok()) return WithTextureAdvice(bytes.status());
       const std::int64_t texture = AddTexture(image, *std::move(bytes), names, patch, written);

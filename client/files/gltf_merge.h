@@ -46,8 +46,10 @@ class GltfMerge {
 
   // The number of images that Write() draws.
   std::size_t num_images() const;
-  // Draws the images and edits the document. Appends image files and warnings to `written`.
-  absl::Status Write(const GltfOutput& output, TextureFileNames* names, GltfPatch* patch, WrittenMesh* written) const;
+  // Draws the images and edits the document. Appends image files and warnings to `written`. `drawn`: images that were
+  // drawn before, for TextureOptions::on_image.
+  absl::Status Write(const GltfOutput& output, std::size_t drawn, TextureFileNames* names, GltfPatch* patch,
+                     WrittenMesh* written) const;
 
  private:
   void FindGroups();

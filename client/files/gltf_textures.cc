@@ -332,8 +332,7 @@ absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std:
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     Reading& reading = readings_[i];
     if (options_.textures.on_image) {
-      options_.textures.on_image(GltfImageName(root_, reading.image) + ", " + std::to_string(i + 1) + " of " +
-                                 std::to_string(readings_.size()));
+      options_.textures.on_image({GltfImageName(root_, reading.image), i + 1, readings_.size() + merge_.num_images()});
     }
     absl::StatusOr<std::string> bytes = ImageBytes(reading.image);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
@@ -353,7 +352,7 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
   TextureFileNames names(options_.path, taken);
   if (!groups_.empty()) PLANISH_RETURN_IF_ERROR(MoveGroups(uv, tangents, &names, patch, written));
   if (!merge_.empty()) {
-    PLANISH_RETURN_IF_ERROR(merge_.Write({gltf_, options_, uv, tangents}, &names, patch, written));
+    PLANISH_RETURN_IF_ERROR(merge_.Write({gltf_, options_, uv, tangents}, readings_.size(), &names, patch, written));
   }
   ForgetExtension(&patch->json(), kTransform);
   return absl::OkStatus();

@@ -21,6 +21,12 @@ enum class TextureMode {
   kDrop,      // the material's references are removed, and images that nothing else uses (glTF)
 };
 
+// An image that is drawn next.
+struct ImageProgress {
+  std::string name;
+  std::size_t number = 1, count = 1;  // which of how many
+};
+
 struct TextureOptions {
   TextureMode mode = TextureMode::kLeave;
   int size = 0;             // texels per side of the new images; 0: by client/texture's TextureSideOf()
@@ -34,8 +40,7 @@ struct TextureOptions {
   bool allow_outside = false;  // whether images may be outside of the model's folder
   int threads = 1;
   const std::atomic<bool>* stop = nullptr;  // ends with CANCELLED once it is true
-  // Called before each image: "wood.png, 2 of 5".
-  std::function<void(const std::string&)> on_image;
+  std::function<void(const ImageProgress&)> on_image;  // called before each image
   // The atlas of each polygon of the file; empty if there is only one.
   std::vector<std::int32_t> polygon_atlas;
 };

@@ -346,8 +346,7 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     Reading& reading = readings_[i];
     if (options_.textures.on_image) {
-      options_.textures.on_image(reading.file + ", " + std::to_string(i + 1) + " of " +
-                                 std::to_string(readings_.size()));
+      options_.textures.on_image({reading.file, i + 1, readings_.size()});
     }
     absl::StatusOr<std::string> bytes = ImageBytes(reading);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());

@@ -123,7 +123,7 @@ absl::StatusOr<std::string> PaintColors(const MeshFile& file, const WrittenPolyg
   part.bake.options = {TextureMeaning::kColor, has_alpha, 1};
   std::vector<TexturePart> parts;
   parts.push_back(std::move(part));
-  if (options.textures.on_image) options.textures.on_image(kNameOfColors);
+  if (options.textures.on_image) options.textures.on_image({kNameOfColors, 1, 1});
   return BakeParts(std::move(parts), file.path + ": vertex colours", has_alpha, options.textures, warnings);
 }
 
