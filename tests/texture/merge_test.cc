@@ -1,4 +1,6 @@
 // Materials that become one, and vertex colours that become an image.
+#include <signal.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -16,6 +18,8 @@
 #include "core/base/error.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/testing/files.h"
+#include "tests/testing/process.h"
 #include "tests/texture/sample_models.h"
 #include "tests/texture/sample_textures.h"
 
@@ -340,6 +344,33 @@ TEST(VertexColors, WhatCannotBePaintedIsRefusedOrSaid) {
   EXPECT_EQ(reason(row, "out.glb", true), "OUTPUT_UNSUPPORTED");
   EXPECT_EQ(reason(RowGlb(), "out.obj", true), "OUTPUT_UNSUPPORTED");
   EXPECT_THAT(Paint(row, false, true, "out.ply").reasons, ::testing::ElementsAre("COLORS_NOT_BAKED"));
+}
+
+TEST(ImageProgress, CommandsSayWhichImageComesNextAndEndBetweenRows) {
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "planish_image_progress";
+  std::filesystem::create_directories(folder);
+  const std::string in = folder / "in.glb", out = folder / "out.glb";
+  std::filesystem::remove(out);
+  const std::vector<SampleModel> models = SampleModels(8, 32);
+  const auto model =
+      std::find_if(models.begin(), models.end(), [](const auto& each) { return each.materials.size() > 1; });
+  ASSERT_NE(model, models.end());
+  PutFile(in, model->Glb());
+  const std::string count = std::to_string(model->materials.size());
+  Process whole({PLANISH_COMMAND, "pack", in, "-o", out, "--texture-size=64", "--progress=json"});
+  const Outcome done = whole.Wait();
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_THAT(done.err, HasSubstr("\"number\":1,\"count\":" + count));
+  EXPECT_THAT(done.err, HasSubstr("\"number\":" + count + ",\"count\":" + count));
+  std::filesystem::remove(out);
+  Process stopped({PLANISH_COMMAND, "pack", in, "-o", out, "--texture-size=4096", "--progress=plain"});
+  ASSERT_TRUE(stopped.WaitForErr("(1 of " + count + ")", 60)) << stopped.Err();
+  stopped.Signal(SIGINT);
+  const Outcome end = stopped.Wait();
+  EXPECT_EQ(end.exit_code, 130) << end.err;
+  EXPECT_THAT(end.err,
+              ::testing::AllOf(HasSubstr("nothing was written"), ::testing::Not(HasSubstr("(" + count + " of"))));
+  EXPECT_FALSE(std::filesystem::exists(out));
 }
 
 }  // namespace
