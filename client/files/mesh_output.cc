@@ -157,7 +157,11 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
 
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area) {
   if (options.textures.mode != TextureMode::kTransfer) return 0.0;
-  if (IsGltf(options.format) && file.gltf) return GltfTextures(*file.gltf, options).EstimateSide(total_area);
+  try {
+    if (IsGltf(options.format) && file.gltf) return GltfTextures(*file.gltf, options).EstimateSide(total_area);
+  } catch (const Json::exception& error) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_MALFORMED", file.path + ": " + error.what());
+  }
   if (PaintsColors(file, options)) return EstimatePaintedSide(file, total_area);
   if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !IsStream(options.path)) {
     return ObjTextures(file, options).EstimateSide(total_area);

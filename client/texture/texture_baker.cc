@@ -359,13 +359,16 @@ class TextureDrawing {
                 static_cast<float>(0.5 + 0.5 * c.z()), value[3]};
   }
 
+  // In [0, 1]; what is no number is 0.
+  static float Unit(float value) { return value > 0 ? std::min(value, 1.0F) : 0; }
+
   void Store(Rgba value, std::uint8_t* out) const {
-    const float alpha = std::clamp(value[3], 0.0F, 1.0F);
+    const float alpha = Unit(value[3]);
     if (options_.premultiplied && alpha > 0) value /= alpha;
     const bool srgb = options_.meaning == TextureMeaning::kColor;
     for (int c = 0; c < target_.channels; ++c) {
       const bool is_alpha = target_.has_alpha() && c == target_.channels - 1;
-      const float x = is_alpha ? alpha : std::clamp(value[c], 0.0F, 1.0F);
+      const float x = is_alpha ? alpha : Unit(value[c]);
       if (target_.bits == 8) {
         out[c] = srgb && !is_alpha ? texture_internal::Srgb8OfLinear16()[static_cast<int>(x * 65535 + 0.5F)]
                                    : static_cast<std::uint8_t>(x * 255 + 0.5F);

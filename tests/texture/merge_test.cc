@@ -346,6 +346,25 @@ TEST(VertexColors, WhatCannotBePaintedIsRefusedOrSaid) {
   EXPECT_THAT(Paint(row, false, true, "out.ply").reasons, ::testing::ElementsAre("COLORS_NOT_BAKED"));
 }
 
+TEST(VertexColors, ThatAreNoNumbersAndMaterialsThatAreNoneCostNoCrash) {
+  const MeshFile plain = WithColors(RowGlb());
+  Json json = plain.gltf->document.json;
+  std::string buffer = plain.gltf->document.buffers[0];
+  for (std::size_t i = buffer.size() - 48; i < buffer.size(); i += 4) buffer.replace(i, 4, "\xFF\xFF\xFF\xFF");
+  json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = {1e300, -1e300, 0, 1};
+  const Painted painted = Paint(Reopened(json, buffer), /*merges=*/true, /*bakes=*/true);
+  EXPECT_THAT(painted.file.gltf->document.json["images"], SizeIs(1));
+  json["materials"][0]["pbrMetallicRoughness"] = 3;
+  OutputOptions options;
+  options.path = "out.glb";
+  options.format = MeshFormat::kGlb;
+  options.textures.mode = TextureMode::kTransfer;
+  options.textures.merge_materials = options.textures.bake_colors = true;
+  const MeshFile bad = Reopened(json, buffer);
+  EXPECT_FALSE(EstimateTextureSide(bad, options, 1).ok());
+  EXPECT_FALSE(WriteMeshWithUv(bad, RowUv(bad), options).ok());
+}
+
 TEST(ImageProgress, CommandsSayWhichImageComesNextAndEndBetweenRows) {
   const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "planish_image_progress";
   std::filesystem::create_directories(folder);
