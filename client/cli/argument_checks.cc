@@ -208,6 +208,9 @@ std::string CheckPack(Arguments& arguments) {
 }
 
 std::string CheckTransfer(Arguments& arguments) {
+  if (arguments.project && (arguments.textures.merge_materials || arguments.textures.bake_colors)) {
+    return "--project makes one material with the colours of FROM; leave --merge-materials and --bake out";
+  }
   return CheckDestination(arguments, "transfer");
 }
 

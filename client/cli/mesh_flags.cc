@@ -30,6 +30,8 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap a.obj b.glb -o done/ --atlas-per=file         one job: a UDIM tile for each
   planish unwrap hero.glb -o uv.glb --atlas-per=material       a UDIM tile for each material
   planish unwrap hero.glb -o uv.glb --weight=face=2            twice the texels per length for one
+  planish unwrap hero.glb -o game.glb --merge-materials        one material and one set of images
+  planish unwrap scan.ply -o scan.glb --bake=colors            vertex colours become a texture
 
 Batches: several files, or a directory, are a batch. A directory is searched for mesh files. Each
 file becomes a job of its own and a file in the directory OUT, of the same name and at the same

@@ -31,6 +31,8 @@ def transfer(
     cage: Optional[float] = None,
     texture_size: Optional[int] = None,
     allow_outside: bool = False,
+    merge_materials: bool = False,
+    bake_colors: bool = False,
     command: Optional[str] = None,
     timeout: Optional[float] = None,
 ) -> Dict[str, Any]:
@@ -39,6 +41,9 @@ def transfer(
 
     With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with the
     colours and normals of ``source`` as images. ``cage``: how far apart they may be, in percent of target's diagonal.
+
+    ``merge_materials``: materials of a glTF that differ only in images and factors become one. ``bake_colors``: the colours
+    of vertices are painted into an image of base colours. Neither goes with ``project``.
 
     Returns what ``planish transfer --json`` prints: ``triangles``, ``seconds``, ``files``, ``warnings``.
     """
@@ -56,6 +61,10 @@ def transfer(
         call.append(f"--texture-size={texture_size}")
     if allow_outside:
         call.append("--allow-outside")
+    if merge_materials:
+        call.append("--merge-materials")
+    if bake_colors:
+        call.append("--bake=colors")
     call += ["--", os.fspath(source), os.fspath(target)]
     try:
         done = subprocess.run(
