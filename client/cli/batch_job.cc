@@ -16,6 +16,7 @@
 #include "client/cli/batch_plan.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"
+#include "client/cli/unwrap_arguments.h"
 #include "client/cli/unwrap_files.h"
 #include "core/base/random_id.h"
 #include "core/base/sha256.h"
@@ -159,13 +160,14 @@ class BatchJob {
     std::string job, request_id;
     if (const auto known = context_.state.Find(item_.key); known && known->IsOf(record_) && !arguments_.again) {
       if (context_.state.IsIntact(*known)) return Keep(*known);
-      if (known->queued && known->server == arguments_.server) job = known->job;
+      if (known->queued && known->server == arguments_.server.address) job = known->job;
       // The run before ended between the question and the answer: the same question brings the same job.
-      if (known->server == arguments_.server) request_id = known->request_id;
+      if (known->server == arguments_.server.address) request_id = known->request_id;
     }
     MakeDirectory(fs::path(item_.output).parent_path());
-    files_.emplace(std::vector<std::string>{item_.input}, arguments_, item_.output, item_.texcoord,
-                   arguments_.output_texcoord);
+    OutputArguments output = arguments_.output;
+    output.path = item_.output;
+    files_.emplace(std::vector<std::string>{item_.input}, item_.texcoord, arguments_.map, output);
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
     if (!job.empty()) {
@@ -174,13 +176,13 @@ class BatchJob {
     if (arguments_.detach) return Queued(Queue(request_id.empty() ? NewUuid() : request_id));
     CallOptions call = Call();
     call.request_id = request_id;
-    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, call), false);
+    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.map.options), callbacks_, call), false);
   }
 
   CallOptions Call() const {
     CallOptions call;
     call.scheduling = arguments_.scheduling;
-    call.labels = JobLabels(arguments_, item_.name);
+    call.labels = JobLabels(arguments_.labels, item_.name);
     call.timeout = Seconds(arguments_.timeout_seconds);
     call.stop = context_.stop;
     return call;
@@ -218,10 +220,10 @@ class BatchJob {
 
   // Queues the job and records that; waits for room in the queue.
   std::string Queue(const std::string& request_id) {
-    const UnwrapOptions options = files_->Options(arguments_.options);
+    const UnwrapOptions options = files_->Options(arguments_.map.options);
     CallOptions call = Call();
     call.request_id = request_id;
-    record_.server = arguments_.server;
+    record_.server = arguments_.server.address;
     record_.request_id = request_id;
     context_.state.Append(record_);
     record_.request_id.clear();
@@ -246,7 +248,7 @@ class BatchJob {
   // `fetched`: the job ran on its own, before or while we watched.
   void Deliver(UnwrapResult result, bool fetched) {
     for (const OutputFile& file : files_->WriteResult(result, {}, context_.stop)) {
-      const fs::path place = fs::path(file.path).lexically_relative(arguments_.output);
+      const fs::path place = fs::path(file.path).lexically_relative(arguments_.output.path);
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }
     Report& report = result.report;
@@ -265,7 +267,9 @@ class BatchJob {
     if (!fetched) end_.queue_seconds = report.times.queue.count();
     BeginJson();
     end_.json.update(ReportJson(result, report, item_.output, files_->atlas_names()));
-    if (context_.sheet != nullptr) end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_);
+    if (context_.sheet != nullptr) {
+      end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_.map.options);
+    }
   }
 
   SheetPageJob PageJob(const BatchRecord& record) const {
@@ -284,7 +288,8 @@ class BatchJob {
     end_.json["seconds"] = {{"total", record.seconds}};
     end_.json["output"] = item_.output;
     if (context_.sheet != nullptr) {
-      end_.row.card = KeepPage(PageJob(record), arguments_.output_texcoord.value_or(item_.texcoord), arguments_);
+      end_.row.card =
+          KeepPage(PageJob(record), arguments_.output.texcoord.value_or(item_.texcoord), arguments_.map.options);
     }
   }
 
@@ -335,7 +340,7 @@ class BatchJob {
   }
 
   const BatchContext& context_;
-  const Arguments& arguments_;
+  const UnwrapArguments& arguments_;
   const BatchItem& item_;
   const Callbacks& callbacks_;
   const Timer timer_;
@@ -412,7 +417,7 @@ void BatchRun::Work() {
 }
 
 BatchEnd BatchRun::DoWithPatience(std::size_t file) {
-  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.verbose);
+  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.terminal.verbose);
   const auto told = callbacks.on_reconnect;
   callbacks.on_reconnect = [this, told](const Error& why, Seconds wait) {
     if (why.reason() == "QUEUE_FULL") flight_.OnQueueFull();

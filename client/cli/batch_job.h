@@ -89,7 +89,7 @@ class BatchQueue {
 
 // What all files share.
 struct BatchContext {
-  const Arguments& arguments;
+  const UnwrapArguments& arguments;
   BatchState& state;
   Client& client;
   BatchQueue& queue;                   // of the same client

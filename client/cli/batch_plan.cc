@@ -21,6 +21,7 @@
 #include "client/cli/field_json.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
+#include "client/cli/unwrap_arguments.h"
 #include "client/files/file_io.h"
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_output.h"
@@ -46,20 +47,19 @@ fs::path Canonical(const fs::path& path) {
 
 class Planner {
  public:
-  explicit Planner(const Arguments& arguments) : arguments_(arguments), output_(Canonical(arguments.output)) {}
+  explicit Planner(const BatchFiles& files) : files_(files), output_(Canonical(files.output)) {}
 
   BatchPlan Plan() {
     std::error_code ignored;
-    if (fs::exists(arguments_.output, ignored) && !fs::is_directory(arguments_.output, ignored)) {
+    if (fs::exists(files_.output, ignored) && !fs::is_directory(files_.output, ignored)) {
       throw Error(ErrorCode::kInvalidArgument, "BATCH_OUTPUT_UNSUPPORTED",
-                  "-o " + arguments_.output + " is no directory; a batch needs one");
+                  "-o " + files_.output + " is no directory; a batch needs one");
     }
-    Add(arguments_.input);
-    for (const std::string& input : arguments_.more_inputs) Add(input);
+    for (const std::string& input : files_.inputs) Add(input);
     if (plan_.items.empty()) {
       throw Error(ErrorCode::kInvalidArgument, "BATCH_EMPTY",
-                  "there is no mesh file (.obj, .ply, .off, .stl, .gltf, .glb or .drc) in " + arguments_.input +
-                      (arguments_.more_inputs.empty() ? "" : " and what else was named"));
+                  "there is no mesh file (.obj, .ply, .off, .stl, .gltf, .glb or .drc) in " + files_.inputs.front() +
+                      (files_.inputs.size() == 1 ? "" : " and what else was named"));
     }
     CheckConflicts();
     return std::move(plan_);
@@ -70,7 +70,7 @@ class Planner {
     std::error_code ignored;
     if (!fs::is_directory(input, ignored)) return AddFile(input, fs::path(input).filename());
     if (Canonical(input) == output_) {
-      throw Conflict(arguments_.output + " is searched for inputs as well; give -o another directory");
+      throw Conflict(files_.output + " is searched for inputs as well; give -o another directory");
     }
     std::vector<std::pair<fs::path, fs::path>> files;  // path, place below `input`
     Walk(input, "", &files);
@@ -121,14 +121,14 @@ class Planner {
     } else if (!format) {
       item.problem.emplace(ErrorCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
                            item.input + ": the name does not end in .obj, .ply, .off, .stl, .gltf, .glb or .drc");
-    } else if (!arguments_.format.empty() && FormatOfPath("x." + arguments_.format) != format) {
-      target.replace_extension(arguments_.format);
+    } else if (!files_.format.empty() && FormatOfPath("x." + files_.format) != format) {
+      target.replace_extension(files_.format);
     } else if (format == MeshFormat::kStl) {
       target.replace_extension("obj");
     }
     item.key = target.generic_string();
-    item.output = (fs::path(arguments_.output) / target).string();
-    if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) item.texcoord = arguments_.texcoord;
+    item.output = (fs::path(files_.output) / target).string();
+    if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) item.texcoord = files_.texcoord;
     const std::uintmax_t bytes = fs::file_size(path, error);
     if (!error) item.bytes = static_cast<std::int64_t>(bytes);
     plan_.items.push_back(item);
@@ -153,15 +153,15 @@ class Planner {
     }
   }
 
-  const Arguments& arguments_;
+  const BatchFiles& files_;
   const fs::path output_;
   BatchPlan plan_;
 };
 
 }  // namespace
 
-BatchPlan PlanBatch(const Arguments& arguments) {
-  return Planner(arguments).Plan();
+BatchPlan PlanBatch(const BatchFiles& files) {
+  return Planner(files).Plan();
 }
 
 std::string SkippedText(const BatchPlan& plan) {
@@ -239,19 +239,19 @@ std::string InputDigest(const std::string& path) {
   return all == digest ? digest : Hexadecimal(all);
 }
 
-std::string SettingsDigest(const Arguments& arguments) {
+std::string SettingsDigest(const UnwrapArguments& arguments) {
   Json options = Json::object();
-  EachField(arguments.options, [&](const Field& field, const auto& member) {
+  EachField(arguments.map.options, [&](const Field& field, const auto& member) {
     if (!field.keeps_result) options[field.name] = FieldJson(field, member);
   });
-  const SeamList& seams = arguments.seams;
+  const SeamList& seams = arguments.map.seams;
   const Json json = {{"options", options},
                      {"sources", {seams.uv, seams.materials, seams.groups}},
-                     {"atlas_per", arguments.atlas_per ? ToString(*arguments.atlas_per) : ""},
-                     {"weights", arguments.material_weights},
+                     {"atlas_per", arguments.map.atlas_per ? ToString(*arguments.map.atlas_per) : ""},
+                     {"weights", arguments.map.material_weights},
                      {"texcoord", arguments.texcoord},
-                     {"output_texcoord", arguments.OutputTexcoord()},
-                     {"textures", ToString(arguments.textures.textures)}};
+                     {"output_texcoord", arguments.output.texcoord.value_or(arguments.texcoord)},
+                     {"textures", ToString(arguments.output.textures.textures)}};
   return Hexadecimal(ToLine(json));
 }
 

@@ -8,11 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/arguments.h"
 #include "core/base/descriptor.h"
 #include "planish/error.h"
 
 namespace planish::cli {
+
+struct UnwrapArguments;
 
 // ---- What `planish unwrap a.obj b.glb dir/ -o out/` is about to do: decided in full before anything runs.
 //
@@ -26,7 +27,7 @@ struct BatchItem {
   std::string key;     // place below the output directory: no two are alike
   std::string output;  // path to write
   std::int64_t bytes = 0;
-  int texcoord = 0;              // Arguments::texcoord for a glTF, 0 for others
+  int texcoord = 0;              // that of the batch for a glTF, 0 for others
   std::optional<Error> problem;  // why it cannot be done, known already: no mesh file, a directory beyond reading
 };
 
@@ -37,10 +38,18 @@ struct BatchPlan {
   std::map<std::string, int> skipped;
 };
 
-// Looks at the inputs of `arguments`, a batch. Throws planish::Error: BATCH_OUTPUT_CONFLICT where two files would
+// The files of a batch.
+struct BatchFiles {
+  std::vector<std::string> inputs;  // files and directories, at least one
+  std::string output;               // a directory
+  std::string format;               // as UnwrapArguments::format
+  int texcoord = 0;
+};
+
+// Looks at the inputs. Throws planish::Error: BATCH_OUTPUT_CONFLICT where two files would
 // become one, or an output is an input; BATCH_OUTPUT_UNSUPPORTED where the output is no directory; BATCH_EMPTY where
 // there is nothing to do.
-BatchPlan PlanBatch(const Arguments& arguments);
+BatchPlan PlanBatch(const BatchFiles& files);
 
 // "Skipped in directories: 12 .mtl, 3 .png, 1 hidden.\n"; empty if nothing was.
 std::string SkippedText(const BatchPlan& plan);
@@ -56,7 +65,7 @@ std::string InputDigest(const std::string& path);
 std::string FileDigest(const std::string& path);
 
 // The SHA-256 in hexadecimal of every option that changes a byte of the output (`threads` does not).
-std::string SettingsDigest(const Arguments& arguments);
+std::string SettingsDigest(const UnwrapArguments& arguments);
 
 // ---- The record of a batch, from which the next run knows what is done
 //

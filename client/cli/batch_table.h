@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "client/cli/batch_plan.h"
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 

@@ -2,11 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "client/cli/arguments.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
 #include "core/unwrap/map_check.h"
@@ -35,6 +35,16 @@ CheckedMap CheckMapOf(const MeshInput& input, const MapCheckOptions& options, co
 CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheckOptions& options,
                       const Execution& execution);
 
+enum class Requirement { kUv, kNoOverlap, kNoFlip, kNoMirror, kNoDegenerate, kInTile };
+const char* ToString(Requirement requirement);  // "no-overlap", ...
+
+// What a map must be like.
+struct Requirements {
+  std::set<Requirement> required;
+  double max_stretch = 0;  // L2 stretch of any chart, above 1; 0: any
+  double min_padding = 0;  // texels between any two charts; 0: any
+};
+
 struct RequirementResult {
   std::string name;  // "no-overlap", "max-stretch", ...
   bool met = true;
@@ -42,7 +52,7 @@ struct RequirementResult {
 };
 
 // What was asked for, in the order of the flags' help. That there are UV at all is always asked for.
-std::vector<RequirementResult> CheckRequirements(const CheckArguments& wanted, const CheckedMap& map);
+std::vector<RequirementResult> CheckRequirements(const Requirements& wanted, const CheckedMap& map);
 bool AreMet(const std::vector<RequirementResult>& results);
 
 // Names a map: "hero.glb", or "hero.glb TEXCOORD_1" where `uv_set` is not 0.

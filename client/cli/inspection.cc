@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 #include <limits>
 #include <map>
 #include <utility>
 
-#include "client/cli/commands.h"
 #include "client/cli/seams.h"
 #include "client/cli/text.h"
 #include "client/src/errors.h"
@@ -380,15 +378,6 @@ Json InspectionJson(const MeshInput& input, const Inspection& inspection) {
           {"groups", inspection.groups},
           {"findings", findings},
           {"unwrap", unwrap}};
-}
-
-int RunInspect(const Arguments& arguments) {
-  const MeshInput input({arguments.input}, arguments.texcoord);
-  const Inspection inspection = Inspect(input);
-  std::cout << (arguments.json ? ToText(InspectionJson(input, inspection))
-                               : PrintableLines(InspectionText(input, inspection), true))
-            << std::flush;
-  return inspection.refusal ? kFailed : kOk;
 }
 
 }  // namespace planish::cli

@@ -22,6 +22,20 @@
 #include "client/src/errors.h"
 
 namespace planish::cli {
+
+const char* ToString(AtlasPer per) {
+  switch (per) {
+    case AtlasPer::kFile:
+      return "file";
+    case AtlasPer::kMesh:
+      return "mesh";
+    case AtlasPer::kMaterial:
+      return "material";
+    case AtlasPer::kGroup:
+      return "group";
+  }
+  return "";
+}
 namespace {
 
 constexpr std::size_t kMaxPlaces = 4;

@@ -12,12 +12,16 @@
 #include "client/cli/arguments.h"
 #include "client/cli/seams.h"
 #include "client/files/mesh_output.h"
-#include "client/src/errors.h"
+#include "core/base/element_ids.h"
 #include "planish/client.h"
 
 namespace planish::cli {
 
 class Interrupts;
+
+// What gets an atlas of its own.
+enum class AtlasPer { kFile, kMesh, kMaterial, kGroup };
+const char* ToString(AtlasPer per);  // "file", ...
 
 // Which atlas each face goes into, from 0 on, and what these are called.
 struct FaceAtlases {

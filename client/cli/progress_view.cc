@@ -272,14 +272,14 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
   return callbacks;
 }
 
-std::unique_ptr<ProgressView> NewProgressView(const Arguments& arguments, const std::vector<std::string>& names,
+std::unique_ptr<ProgressView> NewProgressView(const TerminalArguments& terminal, const std::vector<std::string>& names,
                                               bool is_batch) {
-  ProgressMode mode = arguments.progress;
+  ProgressMode mode = terminal.ShownProgress();
   if (mode == ProgressMode::kAuto) {
-    const Terminal terminal = StderrTerminal();
-    const bool has_bars = terminal.is_tty && !terminal.is_dumb;
-    if (is_batch && !has_bars && !arguments.verbose) return std::make_unique<LinesView>(names, is_batch, false);
-    const bool has_lines = arguments.verbose || terminal.is_tty;
+    const Terminal screen = StderrTerminal();
+    const bool has_bars = screen.is_tty && !screen.is_dumb;
+    if (is_batch && !has_bars && !terminal.verbose) return std::make_unique<LinesView>(names, is_batch, false);
+    const bool has_lines = terminal.verbose || screen.is_tty;
     mode = has_bars ? ProgressMode::kBar : has_lines ? ProgressMode::kPlain : ProgressMode::kNone;
   }
   switch (mode) {

@@ -48,7 +48,7 @@ class ProgressView {
 // ProgressMode::kAuto becomes a bar for each job on a terminal. Elsewhere a batch shows a line for each file that ended
 // and a single job nothing (a build farm's log gets the summary only) or, on a dumb terminal, lines; with --verbose
 // both show all lines.
-std::unique_ptr<ProgressView> NewProgressView(const Arguments& arguments, const std::vector<std::string>& names,
+std::unique_ptr<ProgressView> NewProgressView(const TerminalArguments& terminal, const std::vector<std::string>& names,
                                               bool is_batch);
 
 }  // namespace planish::cli

@@ -7,10 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/arguments.h"
+#include "client/cli/check.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/report_page.h"
 #include "client/cli/results.h"
+#include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
 namespace planish::cli {
@@ -60,10 +61,11 @@ std::string SheetPage(const std::string& title, const std::string& pages_from_sh
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
 // The map of `result`, whose warnings have the file's ids, and beside it the UV that `input` had, if all of it has
-// some.
-FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+// some. `output`: where the mesh went, "-" is stdout. `options`: those of the unwrap.
+FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+                          const UnwrapOptions& options);
 
-// A page of a batch's sheet.
+// A page of a sheet.
 struct SheetPageJob {
   const ReportSheet& sheet;
   std::string page;    // its place on the sheet
@@ -72,10 +74,27 @@ struct SheetPageJob {
 };
 
 // Writes the page of a file that was unwrapped; gives its card.
-Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
+               const UnwrapOptions& options);
 
 // The same for a file that an earlier run has done: its page stays if it was made of the same. Otherwise there is a new
 // one of the output alone, without what it was before and how it was solved.
-Json KeepPage(const SheetPageJob& job, int texcoord, const Arguments& arguments);
+Json KeepPage(const SheetPageJob& job, int texcoord, const UnwrapOptions& options);
+
+// ---- Pages about the UV that files have
+
+// Tiles of a page; 0: the defaults of MapCheckOptions.
+struct PageTiles {
+  int texture_size = 0;
+  int tiles = 0;
+  double padding = 2;  // texels
+};
+MapCheckOptions CheckOptionsOf(const PageTiles& tiles);
+
+// Throws UV_MISSING.
+void RequireUv(const MeshInput& input, const CheckedMap& map);
+
+// Writes a page of a sheet; gives its card, null after an interrupt.
+Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const PageTiles& tiles, const Execution& execution);
 
 }  // namespace planish::cli

@@ -12,7 +12,7 @@
 #include <memory>
 #include <utility>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/text.h"
 #include "core/base/timer.h"
 
@@ -86,10 +86,9 @@ bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Exec
   return interrupter->IsInterrupted();
 }
 
-ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
-                           const ServerNeeds& needs)
-    : address_(address), interrupts_(interrupts) {
-  if (address.empty()) {
+ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs)
+    : address_(server.address), interrupts_(interrupts) {
+  if (address_.empty()) {
     PrivateServerOptions options;
     options.workers = needs.workers;
     options.threads = needs.threads;
@@ -105,10 +104,10 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
     interrupts.SetCancel({});
     interrupts.LeaveIfInterrupted();
   }
-  ClientOptions options = address.empty() ? needs.client : WithServerFlags(needs.client, flags);
+  ClientOptions options = private_server_ ? needs.client : WithServer(needs.client, server);
   // A private server that is lost does not come back.
-  if (address.empty()) options.reattach_timeout = options.retry_timeout = Seconds(1);
-  client_.emplace(address.empty() ? private_server_->target() : address, options);
+  if (private_server_) options.reattach_timeout = options.retry_timeout = Seconds(1);
+  client_.emplace(private_server_ ? private_server_->target() : address_, options);
 }
 
 std::string ServerChoice::Description() {

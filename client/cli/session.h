@@ -63,10 +63,8 @@ struct ServerNeeds {
 
 class ServerChoice {
  public:
-  // An empty address starts a private server, which needs none of `flags`; throws planish::Error if that fails, or as
-  // Client::Client does.
-  ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
-               const ServerNeeds& needs = {});
+  // Without an address, starts a private server. Throws planish::Error if that fails, or as Client::Client does.
+  ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs = {});
   ~ServerChoice();
 
   Client& client() { return *client_; }

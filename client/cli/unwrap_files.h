@@ -16,18 +16,25 @@
 
 namespace planish::cli {
 
-// The labels of a job on this file: those of the arguments, and "file" with the file's name unless the arguments have
-// it.
-std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file);
+// `labels` as a job on this file has them: with "file", the file's name, unless they have it.
+std::map<std::string, std::string> JobLabels(const std::map<std::string, std::string>& labels, const std::string& file);
+
+// What map is wanted: what the server is asked for, and what of that comes from the files.
+struct MapArguments {
+  UnwrapOptions options;  // seams and hard_edge_degrees as in `seams`
+  SeamList seams;
+  std::optional<AtlasPer> atlas_per;               // with kFile several files are one mesh
+  std::map<std::string, double> material_weights;  // times the texels per length, in [0.01, 100]
+};
 
 class UnwrapFiles {
  public:
-  // Reads the files, which become one mesh, and the seams, atlases and weights that `arguments` take from them; other
-  // paths in `arguments` do not matter. `output` and `output_texcoord` as for MeshInput::Outputs; empty: nothing will
-  // be written. Throws what that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the
-  // files do not have or that are too many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
-  UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-              int texcoord, std::optional<int> output_texcoord);
+  // Reads the files, which become one mesh, and the seams, atlases and weights that `map` takes from them. `texcoord`
+  // and `output` as for MeshInput::Outputs; without a path nothing will be written. Throws what that and the
+  // constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the files do not have or that are too
+  // many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
+  UnwrapFiles(const std::vector<std::string>& inputs, int texcoord, const MapArguments& map,
+              const OutputArguments& output);
 
   const MeshInput& input() const { return input_; }
   // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.

@@ -1,4 +1,5 @@
-// planish transfer: the images of one file in the map of another.
+#include "client/cli/transfer_command.h"
+
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -11,14 +12,60 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/flags.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
+#include "client/cli/session.h"
 #include "client/cli/text.h"
 #include "client/files/surface_projection.h"
+#include "client/src/errors.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
+
+void AddFlags(CLI::App& app, TransferArguments& arguments) {
+  app.footer(
+      "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
+      "same triangles,\nin any order, as where TO was unwrapped elsewhere. With --project they need not. Exit codes: 0 "
+      "written, 1 the surfaces differ or\nTO has no UV, 2 bad usage or an unreadable file or image.");
+  app.add_option("FROM", arguments.from, "Model with images: .gltf, .glb, or .obj with its material files")
+      ->required()
+      ->type_name("");
+  app.add_option("TO", arguments.to, "Mesh file with the UV that it is to have")
+      ->required()
+      ->expected(1)
+      ->type_name("");
+  AddOutput(app, arguments.output, /*takes_batch=*/false);
+  app.add_option("--texture-size", arguments.texture_size,
+                 "Texels per side of the new images, 16 to 65536 [as many as keep the texel density]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  app.add_option("--texcoord", arguments.texcoord, "Which set of UV of TO, TEXCOORD_N of a glTF, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  app.add_option_function<int>(
+         "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
+         "Which set of FROM they replace [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  app.add_flag("--project", arguments.project,
+               "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
+               "FROM's colours and normals as images");
+  app.add_option("--cage", arguments.cage_percent,
+                 "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
+      ->check(CLI::Range(0.001, 100.0).description(""))
+      ->type_name("PERCENT");
+  AddImageLimits(app, arguments.textures);
+  AddJson(app, arguments.json);
+  AddTerminal(app, arguments.terminal);
+}
+
+std::string Check(TransferArguments& arguments) {
+  return FirstProblem({CheckStreams({arguments.from, arguments.to}), CheckStdout(arguments.output, arguments.json),
+                       CheckDestination(arguments.output, "transfer", arguments.from)});
+}
+
 namespace {
 
 // Places of corners, rounded to float: the same number in an OBJ and in a glTF.
@@ -96,8 +143,8 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
 }
 
 // TO of the command, which must have UV; `use` says what for.
-MeshInput ReadTarget(const Arguments& arguments, const std::string& use) {
-  MeshInput to(arguments.more_inputs, arguments.texcoord);
+MeshInput ReadTarget(const TransferArguments& arguments, const std::string& use) {
+  MeshInput to({arguments.to}, arguments.texcoord);
   if (to.CornerTexcoords().empty()) {
     throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are " + use);
   }
@@ -105,8 +152,8 @@ MeshInput ReadTarget(const Arguments& arguments, const std::string& use) {
 }
 
 // Prints the warnings and `summary` for people, and `json` with the files and warnings.
-void Say(const Arguments& arguments, const WrittenMesh& written, const std::string& summary, Json json) {
-  if (!arguments.quiet) {
+void Say(const TransferArguments& arguments, const WrittenMesh& written, const std::string& summary, Json json) {
+  if (!arguments.terminal.quiet) {
     for (const OutputWarning& warning : written.warnings) {
       std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
     }
@@ -125,8 +172,8 @@ void Say(const Arguments& arguments, const WrittenMesh& written, const std::stri
 // Texels that may be missed before a warning says so.
 constexpr double kManyMissed = 0.005;
 
-int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
-  const MeshInput from({arguments.input}, 0);
+int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.from}, 0);
   const MeshInput to = ReadTarget(arguments, "where the images go");
   TextureArguments limits = arguments.textures;
   limits.textures = Textures::kDrop;  // those that TO may have are replaced
@@ -135,7 +182,7 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
   output.textures.stop = &is_stopped;
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
-  if (arguments.options.texture_size != 0) options.size = arguments.options.texture_size;
+  if (arguments.texture_size != 0) options.size = arguments.texture_size;
   interrupts.SetCancel([&is_stopped] { is_stopped = true; });
   absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
   interrupts.SetCancel([] {});  // is_stopped goes out of scope
@@ -161,21 +208,16 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
   return kOk;
 }
 
-int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
-  const MeshInput from({arguments.input}, 0);
+int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.from}, 0);
   const MeshInput to = ReadTarget(arguments, "what it is read for");
   const std::vector<OutputOptions> outputs =
       from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
-  std::vector<OutputOptions> sized =
-      from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
-  if (arguments.verbose) {
-    sized.front().textures.on_image = [](const std::string& image) {
-      std::cerr << "Moving image " + Printable(image, true) + "\n";
-    };
-  }
+  const std::vector<OutputOptions> sized =
+      from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
   const WrittenMesh written = from.WithUv(uv, sized);
   WriteAll(written.files, interrupts);
   Say(arguments, written,
@@ -189,7 +231,7 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
 
 }  // namespace
 
-int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
+int Run(const TransferArguments& arguments, Interrupts& interrupts) {
   return arguments.project ? ProjectFile(arguments, interrupts, Timer()) : TransferFile(arguments, interrupts, Timer());
 }
 

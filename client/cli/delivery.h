@@ -1,0 +1,63 @@
+// What unwrap and jobs watch have in common: the files that a job is about, its errors in their words, and the way of
+// its result into files.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/cli/arguments.h"
+#include "client/cli/progress_view.h"
+#include "client/cli/unwrap_files.h"
+#include "core/base/timer.h"
+#include "planish/client.h"
+
+namespace planish::cli {
+
+class Interrupts;
+
+struct DeliveryArguments {
+  int texcoord = 0;  // glTF: UV are read from TEXCOORD_n, in [0, 7]
+  OutputArguments output;
+  ServerArguments server;
+  double timeout_seconds = 0;  // 0: none
+  TerminalArguments terminal;
+  bool json = false;
+};
+
+class Delivery {
+ public:
+  // The clock starts. `arguments` must outlive this object.
+  explicit Delivery(const DeliveryArguments& arguments) : arguments_(arguments) {}
+
+  // Reads the files, which become one mesh (UnwrapFiles).
+  void Load(const std::vector<std::string>& inputs, const MapArguments& map);
+
+  const UnwrapFiles& files() const { return *files_; }
+  // How long it took to start the private server.
+  void SetStart(double seconds) { start_seconds_ = seconds; }
+  // What is left of --timeout for the server; 0: no limit.
+  Seconds TimeLeft() const;
+
+  // Writes the output, which is files that are written all or none, and the preview; then `draw` draws more. Then the
+  // clock stops. The first signal ends the drawing of images; then nothing is written.
+  void Write(UnwrapResult& result, Interrupts& interrupts, const std::function<void()>& draw = {});
+  // Says what was done, and returns the exit code.
+  int Tell(const UnwrapResult& result) const;
+
+  // Each says what went wrong, and returns the exit code.
+  int Fail(const Error& sent_error) const;
+  int Interrupted(const std::string& what_happened, const Error& error) const;
+
+ private:
+  const DeliveryArguments& arguments_;
+  Timer timer_;
+  double start_seconds_ = 0;
+  std::optional<UnwrapFiles> files_;
+};
+
+// Ends a view of one job.
+void End(ProgressView& view, bool succeeded);
+
+}  // namespace planish::cli
