@@ -30,7 +30,7 @@ void AddFlags(CLI::App& app, PackArguments& arguments) {
       "unreadable file.");
   app.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
   AddOutput(app, arguments.output.path, /*takes_batch=*/false);
-  AddOptions(app, arguments.options, {"texture_size", "padding", "effort", "tiles"});
+  AddOptions(app, arguments.options, {"texture_size", "texels_per_unit", "padding", "effort", "tiles"});
   app.add_option_function<std::string>(
          "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
          "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
@@ -54,13 +54,18 @@ std::string CheckPadding(const UnwrapOptions& options) {
   return "--padding=" + std::to_string(padding) + " leaves no room in a tile of " + std::to_string(size) + " texels";
 }
 
+std::string CheckDensity(const PackArguments& arguments) {
+  if (!arguments.keep_density || arguments.options.texels_per_unit == 0) return "";
+  return "--texels-per-unit gives all islands one density, and --density=keep keeps theirs; leave one of them out";
+}
+
 }  // namespace
 
 std::string Check(PackArguments& arguments) {
   return FirstProblem({CheckTexcoord(arguments.texcoord, arguments.input), CheckPreview(arguments.output.preview),
                        CheckStdout(arguments.output.path, arguments.json),
                        CheckDestination(arguments.output.path, "pack", arguments.input),
-                       CheckPadding(arguments.options)});
+                       CheckPadding(arguments.options), CheckDensity(arguments)});
 }
 
 namespace {
@@ -215,6 +220,8 @@ int PackFile(const MeshInput& input, const PackArguments& arguments, Interrupts&
 
   RepackOptions options;
   options.keep_density = arguments.keep_density;
+  options.texels_per_unit = arguments.options.texels_per_unit;
+  options.finds_texture_size = arguments.options.texture_size == 0;
   options.face_weights = input.FaceWeights(arguments.material_weights);
   const int texture_side = input.TextureSideEstimate(outputs);
   if (texture_side > 0 && arguments.options.tiles > 1) {
@@ -235,6 +242,7 @@ int PackFile(const MeshInput& input, const PackArguments& arguments, Interrupts&
   const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
     done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);
   });
+  options.atlas.texture_size = done.texture_size;
   const double pack_seconds = pack_timer.Seconds();
   if (is_interrupted) {
     std::cerr << "planish: interrupted; nothing was written\n";

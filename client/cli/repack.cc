@@ -4,22 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "Eigen/Geometry"
-#include "client/cli/mesh_input.h"
-#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/uv_islands.h"
-#include "core/base/timer.h"
 #include "core/mesh/predicates.h"
+#include "planish/error.h"
 
 namespace planish::cli {
 namespace {
@@ -192,6 +184,26 @@ double CoveredShare(const std::vector<float>& uv, int tiles) {
   return static_cast<double>(std::count(covered.begin(), covered.end(), 1)) / static_cast<double>(covered.size());
 }
 
+constexpr int kLeastTextureSize = 16, kMostTextureSize = 65536;
+
+// The smallest power of two whose tiles may hold `area` square texels.
+int LeastTextureSize(double area, const PackOptions& atlas) {
+  int size = kLeastTextureSize;
+  while (size < kMostTextureSize && (size <= atlas.padding + 1 || area > 1.0 * atlas.tiles * size * size)) size *= 2;
+  return size;
+}
+
+Error NoRoom(double wanted, double most, const PackOptions& atlas) {
+  const std::string size = std::to_string(atlas.texture_size);
+  return Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+               "texels_per_unit: a texture of " + size + " x " + size + " texels" +
+                   (atlas.tiles > 1 ? " in each tile" : "") + " has room for at most " + Significant(most, 4) +
+                   " texels per unit, " + Significant(most / wanted, 3) + " of the " + Significant(wanted, 6) +
+                   " asked for; ask for fewer, or allow more tiles" +
+                   (atlas.texture_size < kMostTextureSize ? " or a larger texture" : ""),
+               {{"field", "texels_per_unit"}, {"most", Significant(most, 6)}, {"texture_size", size}});
+}
+
 }  // namespace
 
 Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon,
@@ -217,8 +229,23 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     if (extents[i].box.sizes().maxCoeff() * chart.density < kPoint) MakeSquare(&chart);
   }
 
-  result.packing = Pack(charts.charts, options.atlas, execution);
-  if (execution.IsCancelled()) return result;
+  const bool have_area = std::any_of(extents.begin(), extents.end(), [](const Extent& each) { return each.HasArea(); });
+  const double wanted = have_area ? options.texels_per_unit : 0;
+  PackOptions atlas = options.atlas;
+  if (wanted > 0 && options.finds_texture_size) {
+    atlas.texture_size = LeastTextureSize(whole_area * wanted * wanted, atlas);
+  }
+  double density = 0;
+  while (true) {
+    if (wanted > 0) atlas.most_scale = wanted * size / atlas.texture_size;
+    result.packing = Pack(charts.charts, atlas, execution);
+    if (execution.IsCancelled()) return result;
+    density = result.packing.scale / size * atlas.texture_size;
+    if (density >= (1 - 1e-9) * wanted) break;
+    if (!options.finds_texture_size || atlas.texture_size >= kMostTextureSize) throw NoRoom(wanted, density, atlas);
+    atlas.texture_size *= 2;
+  }
+  result.texture_size = atlas.texture_size;
   result.uv.resize(uv.size());
   for (std::size_t c = 0; 2 * c < uv.size(); ++c) {
     const std::int32_t island = islands.island_of_face[c / 3];
@@ -233,9 +260,7 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
   }
   result.lost_to_rounding = CountLost(uv, result.uv);
   result.covered = CoveredShare(result.uv, result.packing.tiles);
-  if (!options.keep_density && result.without_area < result.islands) {
-    result.texels_per_unit = result.packing.scale / size * options.atlas.texture_size;
-  }
+  if (!options.keep_density && have_area) result.texels_per_unit = density;
   return result;
 }
 

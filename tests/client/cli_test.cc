@@ -363,6 +363,7 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"pack", "in.obj", "-o", "x.obj", "--weight=skin"}, "MATERIAL=X"},
       {{"pack", "in.obj", "-o", "x.obj", "--weight=skin=0"}, "0.01 to 100"},
       {{"pack", "in.obj", "-o", "x.obj", "--pack=off"}, "--pack"},
+      {{"pack", "in.obj", "-o", "x.obj", "--texels-per-unit=9", "--density=keep"}, "leave one of them out"},
       {{"pack", "in.obj", "-o", "x.obj", "--texture-size=32", "--padding=32"}, "leaves no room"},
       {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
