@@ -19,8 +19,8 @@ class App;
 
 namespace planish::cli {
 
-// Each Add function adds flags to the command `app`. They set what is passed to it, which must outlive the parsing.
-// What depends on the command is said by `description` or, about a server, by `otherwise`.
+// Each Add function adds flags to the command `app`. Parsing sets the variables that are passed by reference, which
+// must outlive it. `description` and `otherwise` are the part of the help text that depends on the command.
 
 // ---- The server
 
@@ -44,7 +44,7 @@ void AddLabels(CLI::App& app, std::map<std::string, std::string>& labels, const 
 void AddTimeout(CLI::App& app, double& seconds, const std::string& description);
 void AddScheduling(CLI::App& app, Scheduling& scheduling);
 
-// ---- What is shown
+// ---- Terminal
 
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 const char* ToString(ProgressMode mode);  // "auto", "bar", ...
@@ -53,7 +53,7 @@ const char* ToString(ColorMode mode);     // "auto", "always", "never"
 struct TerminalArguments {
   bool quiet = false;
   ColorMode color = ColorMode::kAuto;
-  // Of commands that run a job.
+  // Only for commands that run a job.
   ProgressMode progress = ProgressMode::kAuto;
   bool verbose = false;  // not with `quiet`
 
@@ -94,7 +94,7 @@ struct TextureArguments {
 
 struct OutputArguments {
   std::string path;             // a file, "-", or a directory
-  std::optional<int> texcoord;  // the set that the UV become; without a value the one that is read
+  std::optional<int> texcoord;  // the set of UV that is written; without a value the set that was read
   TextureArguments textures;
   std::string preview;  // a PNG or SVG of the UV layout; empty: none
 };
@@ -114,7 +114,7 @@ void AddWeights(CLI::App& app, std::map<std::string, double>& material_weights, 
 void AddTileSize(CLI::App& app, int& texture_size);
 void AddTiles(CLI::App& app, int& tiles);
 
-// ---- Checks. Each returns what is wrong, in words; empty if nothing is
+// ---- Checks. Each returns a message about a mistake, or an empty string
 
 // The first problem of several.
 std::string FirstProblem(std::initializer_list<std::string> problems);

@@ -100,7 +100,7 @@ int RunPlan(const UnwrapArguments& arguments, Interrupts& interrupts, const Batc
   try {
     if (sheet) sheet->Write(SheetRows(plan, rows));
   } catch (const Error& error) {
-    // The meshes are written all the same.
+    // The meshes are written even so.
     std::cerr << ErrorText(error, "", StderrTerminal());
     if (exit_code == kOk) exit_code = kFailed;
   }

@@ -210,7 +210,7 @@ class BatchJob {
         throw;
       }
       if (error.code() != ErrorCode::kUnavailable && error.code() != ErrorCode::kDeadlineExceeded) {
-        // The next run is to try anew, not to fetch the same error.
+        // The next run must submit the job again, not fetch the same error.
         record_.job = job;
         context_.state.Append(record_);
       }
@@ -372,7 +372,8 @@ BatchEnd NotTried(const BatchItem& item) {
 
 namespace {
 
-// Files in flight are in memory as they are, as meshes and as what was sent: some five times as much.
+// A file in flight is in memory three times: its bytes, the mesh and the request. Together they take about five times
+// its size.
 constexpr std::int64_t kMostBytesInFlight = std::int64_t{512} << 20;
 constexpr double kLongestPauseSeconds = 5;
 
@@ -402,7 +403,7 @@ void BatchRun::Work() {
   for (;;) {
     std::size_t file;
     {
-      // Files are taken up in order, so whoever waits for room waits with the next one in hand.
+      // Threads take files in order, and a thread that waits for room already holds the next file.
       const std::lock_guard lock(mutex_);
       if (next_ == plan_.items.size() || ShouldStop()) return;
       file = next_++;

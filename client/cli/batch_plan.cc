@@ -192,7 +192,7 @@ std::string PercentDecoded(const std::string& uri) {
   return text;
 }
 
-// The JSON of a .gltf or .glb, as text; empty if there is none.
+// The JSON text of a .gltf or .glb file; empty if a .glb is too short to have it.
 std::string_view GltfText(std::string_view bytes) {
   if (!bytes.starts_with("glTF")) return bytes;
   if (bytes.size() < 20) return "";
@@ -321,7 +321,7 @@ BatchState::BatchState(const std::string& directory)
     : directory_(directory), path_(directory + (directory.ends_with("/") ? "" : "/") + kBatchStateFile) {
   file_ = Descriptor(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
   if (file_.get() < 0) throw FileError("FILE_UNWRITABLE", path_, "cannot be opened");
-  // File systems without locks have none to lose.
+  // Any other error means that the file system has no locks, and is ignored.
   if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     throw Error(ErrorCode::kFailedPrecondition, "BATCH_RUNNING",
                 "another planish is writing into " + directory_ + "; wait for it, or give -o another directory");

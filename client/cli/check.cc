@@ -82,7 +82,7 @@ CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheck
 namespace {
 
 constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
-// Texels that a distance may fall short of what was asked for: UV are floats.
+// Texels that a distance may be below the padding asked for, since UV are floats.
 constexpr double kPaddingSlack = 0.01;
 
 // The chart of the largest stretch; nothing without charts.

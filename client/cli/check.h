@@ -13,10 +13,11 @@
 
 namespace planish::cli {
 
-// A map with its judgement. Faces and corners are those of `mesh`, which has the triangles of the file that have UV.
+// A map with the result of its check. Face and corner numbers refer to `mesh`, which has those triangles of the file
+// that have UV.
 struct CheckedMap {
   std::int64_t triangles = 0;                  // of the file
-  std::vector<std::int32_t> without_uv;        // triangles of the file: some corner has none
+  std::vector<std::int32_t> without_uv;        // triangles of the file with a corner without UV
   std::vector<std::int32_t> not_finite;        // some position or UV is NaN or infinite
   Mesh mesh;                                   // vertices as in the file
   std::vector<std::int32_t> triangle_of_face;  // of the file
@@ -51,7 +52,7 @@ struct RequirementResult {
   std::string message;  // if not met: what there is instead
 };
 
-// What was asked for, in the order of the flags' help. That there are UV at all is always asked for.
+// The results of the requirements, in the order of the flags' help. A file without any UV always fails.
 std::vector<RequirementResult> CheckRequirements(const Requirements& wanted, const CheckedMap& map);
 bool AreMet(const std::vector<RequirementResult>& results);
 
@@ -61,7 +62,7 @@ std::string MapName(const std::string& path, int uv_set);
 // What the map is like, as names and values; nothing without UV.
 std::vector<std::pair<std::string, std::string>> CheckLines(const MeshInput& input, const MapCheckOptions& options,
                                                             const CheckedMap& map);
-// For people: some twenty lines, whatever the map. `uv_sets` are those that the file has.
+// For people: about twenty lines for any map. `uv_sets`: the sets that the file has.
 std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets,
                       const MapCheckOptions& options, const CheckedMap& map,
                       const std::vector<RequirementResult>& results);

@@ -13,7 +13,7 @@ class Interrupts;
 struct CheckArguments {
   InputArguments inputs;
   Requirements requirements;
-  int texture_size = 0;  // this and the next: 0: those of MapCheckOptions
+  int texture_size = 0;  // 0: the default of MapCheckOptions
   int tiles = 0;
   int texcoord = 0;
   bool all_texcoords = false;  // every set of UV that a file has, in place of `texcoord`

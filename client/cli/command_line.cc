@@ -273,7 +273,7 @@ std::string ConfigPath() {
   return !directory.empty() && std::filesystem::exists(path, ignored) ? path : "";
 }
 
-// "jobs.list" in [jobs.list] or before a dot: the path of a command. Null: there is none of that name.
+// Finds a command by its path, as in the section [jobs.list]. Null if there is no such command.
 const CLI::App* FindCommand(const CLI::App& root, const std::vector<std::string>& path) {
   const CLI::App* app = &root;
   for (const std::string& name : path) {
@@ -310,7 +310,7 @@ std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) 
     chosen = chosen->get_subcommands().front();
     chosen_path.push_back(chosen->get_name());
   }
-  std::vector<std::string> own, common;  // the command's own section goes over what is said for all
+  std::vector<std::string> own, common;  // the command's own section overrides entries for all commands
   for (const CLI::ConfigItem& item : CLI::ConfigTOML().from_config(file)) {
     if (item.name == "++" || item.name == "--") continue;  // a section begins or ends
     const std::string flag = "--" + item.name;

@@ -40,10 +40,10 @@ struct ParsedArguments {
   std::optional<Arguments> arguments;
   int exit_code = 0;
   std::string out;  // for stdout: help
-  std::string err;  // for stderr: what is wrong
+  std::string err;  // for stderr: an error message
 };
 
-// Flags go over the environment, and that over the configuration file: the one that PLANISH_CONFIG names, otherwise
+// Flags override environment variables, and these override the configuration file: $PLANISH_CONFIG, otherwise
 // planish.toml in $XDG_CONFIG_HOME or ~/.config. It is TOML: the names of flags without dashes, for every command that
 // has such a flag, or in the section of a command for that one ([unwrap], [jobs.list]).
 ParsedArguments ParseArguments(int argc, const char* const* argv);

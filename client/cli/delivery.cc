@@ -60,7 +60,7 @@ int Delivery::Fail(const Error& sent_error) const {
   const MeshInput* const input = files_ ? &files_->input() : nullptr;
   const Error error = input != nullptr ? input->InFileIds(sent_error) : sent_error;
   const std::string places = Places(error.metadata(), input);
-  // A private server's job is of no use to anybody afterwards.
+  // The job of a private server ends with the server, so its name is left out.
   Error told = error;
   if (arguments_.server.address.empty()) told.set_job("");
   std::cerr << ErrorText(told, places, StderrTerminal());

@@ -37,16 +37,16 @@ class Delivery {
   const UnwrapFiles& files() const { return *files_; }
   // How long it took to start the private server.
   void SetStart(double seconds) { start_seconds_ = seconds; }
-  // What is left of --timeout for the server; 0: no limit.
+  // The rest of --timeout for the server; 0: no limit.
   Seconds TimeLeft() const;
 
   // Writes the output, which is files that are written all or none, and the preview; then `draw` draws more. Then the
   // clock stops. The first signal ends the drawing of images; then nothing is written.
   void Write(UnwrapResult& result, Interrupts& interrupts, const std::function<void()>& draw = {});
-  // Says what was done, and returns the exit code.
+  // Prints the summary and the JSON report, and returns the exit code.
   int Tell(const UnwrapResult& result) const;
 
-  // Each says what went wrong, and returns the exit code.
+  // Each prints the error, and returns the exit code.
   int Fail(const Error& sent_error) const;
   int Interrupted(const std::string& what_happened, const Error& error) const;
 

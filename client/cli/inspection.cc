@@ -134,7 +134,7 @@ std::optional<Error> RefusalToSend(const MeshInput& input) {
   return std::nullopt;
 }
 
-// In the file's ids: those of vertices are already.
+// Translates faces to the file's ids. Vertices have the file's ids already.
 ids::Renumbering FacesToFile(const MeshInput& input) {
   ids::Renumbering renumbering;
   renumbering.face = [&input](std::int64_t face) -> std::int64_t {

@@ -27,7 +27,7 @@ std::string CheckJob(std::string& job, const ServerArguments& server) {
 
 namespace {
 
-// Of show, stop and cancel.
+// Adds the flags of show, stop and cancel.
 template <typename OneJobArguments>
 void AddJobFlags(CLI::App& app, OneJobArguments& arguments) {
   AddJob(app, arguments.job);
@@ -94,7 +94,7 @@ std::string LocalTime(const std::optional<Job::Time>& time) {
   return text;
 }
 
-// How long it ran, or has run so far.
+// How long the job has run.
 std::string RunTime(const Job& job) {
   if (!job.start_time) return "-";
   const Job::Time end = job.end_time.value_or(Job::Time::clock::now());

@@ -37,7 +37,7 @@ int RunCommand(const CommandArguments& arguments) {
 }  // namespace planish::cli
 
 int main(int argc, char** argv) {
-  // Images and their mipmaps are given back to the system as soon as they are freed.
+  // Returns the memory of images and mipmaps to the system when they are freed.
   mallopt(M_MMAP_THRESHOLD, 4 << 20);
   // gRPC would log what the command says in its own words.
   setenv("GRPC_VERBOSITY", "NONE", 0);

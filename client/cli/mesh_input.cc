@@ -208,11 +208,11 @@ std::vector<std::array<double, 3>> MeshInput::MaterialColors() const {
 
 namespace {
 
-// What is an atlas by itself in a file: per polygon its number, and the names.
+// The parts of a file that get atlases of their own: the part of each polygon, and the names of parts.
 struct FileParts {
   const std::vector<std::int32_t>* of_polygon = nullptr;
   const std::vector<std::string>* names = nullptr;
-  const char* what = "";  // if there are none
+  const char* what = "";  // for the error if the file has no such parts
 };
 
 FileParts PartsOf(const MeshFile& file, AtlasPer per) {

@@ -88,7 +88,7 @@ void RefuseFaces(const MeshInput& input, const std::string& reason, const std::s
               {{count == 1 ? "face" : "faces", ids}});
 }
 
-// Throws for what has no islands to pack.
+// Throws if there are no islands to pack.
 void CheckUv(const MeshInput& input, const PackArguments& arguments) {
   const Mesh& mesh = input.mesh();
   if (mesh.faces.empty()) {
@@ -146,7 +146,7 @@ std::string DensityText(const PackArguments& arguments, const Repacking& done) {
   return ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length" + weighted;
 }
 
-// What was done, for people.
+// The summary for people.
 std::string PackSummary(const PackArguments& arguments, const PackOptions& atlas, const Repacking& done, double seconds,
                         const std::vector<Warning>& warnings) {
   const std::string size = WithCommas(atlas.texture_size);

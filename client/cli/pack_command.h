@@ -15,7 +15,7 @@ struct PackArguments {
   std::string input;
   int texcoord = 0;
   OutputArguments output;
-  UnwrapOptions options;                           // those of the atlas
+  UnwrapOptions options;                           // only the options of the atlas
   bool keep_density = false;                       // islands keep their sizes relative to each other
   std::map<std::string, double> material_weights;  // times the texels per length, in [0.01, 100]
   bool json = false;

@@ -24,9 +24,10 @@ constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0, 0.15, 0.1};
 
 constexpr double kStart = 0.01;          // seconds, of a worker
 constexpr double kBestPackSeconds = 40;  // from 5 charts on 10 to 60
-// What all rounds take of solves and cuts, times the first one; and what is left at the end of a round, times that.
+// Time of all rounds of solves and cuts, in units of the first round; and the time left after a round, in units of that
+// round.
 constexpr double kRounds = 3.5, kMoreRounds = 2;
-// What is left of a phase that takes longer than expected, as a part of that.
+// Time left of a phase that takes longer than expected, as a fraction of the expected time.
 constexpr double kLeast = 0.15;
 // Newton's method squares residuals, so the logarithm falls ever faster: after this power of the way a step is about as
 // long as another.
@@ -65,7 +66,8 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
     solve_seconds_ = WeightsOf(options_).cuts * now;
     round_began_ = now;
   }
-  // A round ends with cuts or joins, which are called charts again. What is delivered may be cut once more, too.
+  // A round ends with cuts or joins, which the server reports as the stage of charts again. After delivery charts may
+  // be cut once more.
   for (; phase_ < phase; ++phase_) begin_[phase_ + 1] = now;
   if (phase_ == kSolve && progress.stage == Stage::kCharts && stage_ != Stage::kCharts) {
     const double round = now - round_began_;
@@ -128,7 +130,7 @@ void JobProgress::Apply(const Event& event) {
   if (event.job) {
     const Job& job = *event.job;
     if (job.state == JobState::kQueued) {
-      // A job that was lost and submitted anew begins again.
+      // A lost job that is submitted again starts over.
       const double now = elapsed_seconds;
       *this = JobProgress();
       elapsed_seconds = now;

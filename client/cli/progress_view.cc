@@ -80,7 +80,7 @@ class BarsView : public ProgressView {
     const Terminal terminal = StderrTerminal();
     const bool usable = row.result == BatchResult::kUsable;
     if (is_batch_) {
-      // Of a batch that is resumed only the news scroll by.
+      // Of a resumed batch, only files that were done in this run get a line.
       if (row.result != BatchResult::kNotTried && !(row.kept && usable)) ended_.push_back(RowLine(row, terminal));
     } else if (usable) {
       JobProgress& progress = running_[job].progress;
@@ -251,7 +251,7 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
     OnNotice(job, why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   if (!verbose) return callbacks;
-  // Of a job that is watched the name is the job's own.
+  // Under `jobs watch` the view's name is the job's name, which is not repeated.
   const auto say = [this, job](const std::string& text) {
     const bool is_named = text.rfind(names_[job] + ",", 0) == 0;
     Say(Printable(is_named ? text : names_[job] + ": " + text, true));

@@ -21,7 +21,7 @@ constexpr double kNoArea = 1e-6;
 // Where islands are points in the map they are packed as squares of this side, which the packer enlarges to a texel;
 // smaller ones than a thousandth of that are points.
 constexpr double kSquareSide = 1e-6, kPoint = 1e-9;
-// Of the size of the whole surface: how large islands count that are a point on it.
+// Size of an island that is a point on the surface, as a fraction of the size of the whole surface.
 constexpr double kPointSize = 1e-6;
 
 Vec2 At(const std::vector<double>& uv, std::size_t corner) {
@@ -36,7 +36,7 @@ double SurfaceArea(const Mesh& mesh, std::size_t f) {
 
 // Sizes of an island on the surface and in the map.
 struct Extent {
-  double surface_area = 0, surface_length = 0;  // lengths are those of all edges
+  double surface_area = 0, surface_length = 0;  // lengths: the sum of all edges
   double map_area = 0, map_length = 0, signed_map_area = 0;
   Eigen::AlignedBox2d box;
 
@@ -135,7 +135,8 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   return result;
 }
 
-// What to pack instead of a point at 0, which is no shape; its own places stay the first.
+// Packs a small square in place of an island that is a point at 0. The island keeps its own positions, before those of
+// the square.
 void MakeSquare(PackChart* chart) {
   const auto first = static_cast<std::int32_t>(chart->positions.size());
   const double half = kSquareSide / chart->density / 2;

@@ -101,7 +101,7 @@ std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv) {
 
 namespace {
 
-constexpr double kSlack = 0.01;  // texels: nearer charts than the padding less this are told
+constexpr double kSlack = 0.01;  // texels: charts are reported if they are nearer than the padding minus this
 
 std::string FileName(const std::string& path) {
   return std::filesystem::path(path).filename().string();
@@ -116,7 +116,7 @@ FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, cons
   const Atlas& atlas = result.report.atlas;
   const double padding = atlas.pack ? atlas.padding : 0;
   const MapCheckOptions options = CheckOptionsOf({atlas.texture_size, std::max(atlas.tiles, 1), padding});
-  // Of the UV that came in no distance was asked for.
+  // The input UV have no required padding.
   const MapCheckOptions options_before = CheckOptionsOf({atlas.texture_size, unwrap.tiles, 0});
   const CheckedMap after = CheckMapOf(input, result.uv.As<double>(), options, execution);
   CheckedMap before;

@@ -19,7 +19,7 @@ namespace planish::cli {
 // A file on the sheet.
 struct SheetRow {
   std::string name;
-  std::string page;            // place of its page below ReportSheet::pages(), with '/'; empty: there is none
+  std::string page;            // path of its page below ReportSheet::pages(), with '/'; empty without a page
   std::string result;          // "usable", "failed", ...: ToString(BatchResult); "shown" where nothing was unwrapped
   std::string message;         // why it failed or is not usable
   Json card;                   // FinishedPage::card; null without a page
@@ -57,11 +57,11 @@ class ReportSheet {
 std::string SheetPage(const std::string& title, const std::string& pages_from_sheet, const std::vector<SheetRow>& rows);
 
 // A PNG file of some 20 KB: the surface with a checkerboard in its UV, and the layout beside it. `uv` as in DrawMap(),
-// but anywhere; what is not inside the unit square is drawn smaller.
+// but not limited to the unit square: a larger layout is scaled down.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
-// The map of `result`, whose warnings have the file's ids, and beside it the UV that `input` had, if all of it has
-// some. `output`: where the mesh went, "-" is stdout. `options`: those of the unwrap.
+// A page about the map of `result`, whose warnings have the file's ids, beside the UV of `input`, if it has any.
+// `output`: the file that was written, "-" is stdout. `options`: the options of the unwrap.
 FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
                           const UnwrapOptions& options);
 
@@ -77,8 +77,8 @@ struct SheetPageJob {
 Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
                const UnwrapOptions& options);
 
-// The same for a file that an earlier run has done: its page stays if it was made of the same. Otherwise there is a new
-// one of the output alone, without what it was before and how it was solved.
+// The same for a file that an earlier run has done: its page is kept if `made` is equal. Otherwise a new page is
+// written, of the output alone, without the UV before and the solve.
 Json KeepPage(const SheetPageJob& job, int texcoord, const UnwrapOptions& options);
 
 // ---- Pages about the UV that files have

@@ -106,7 +106,7 @@ std::string Deflated(const std::string& bytes) {
   return result;
 }
 
-// One map as data: bytes of sections, and a JSON that tells what they are.
+// Writes one map as binary sections and a JSON that describes them.
 class MapWriter {
  public:
   explicit MapWriter(const ReportedMap& reported)
@@ -212,7 +212,7 @@ class MapWriter {
     return static_cast<char>(std::lround(kTopByte * std::clamp(share, 0.0, 1.0)));
   }
 
-  // Per half-edge: the other face on the surface's edge; -1 where there is none, or more than one.
+  // Per half-edge: the face on the other side of the edge on the surface; -1 unless there is exactly one.
   std::vector<std::int32_t> FacesAcross() const {
     std::vector<std::int32_t> across(3 * num_faces(), -1);
     const EdgeGroups edges = GroupHalfEdges(map_.mesh.faces, map_.mesh.num_vertices());
@@ -325,8 +325,8 @@ std::set<std::int64_t> NumbersIn(const std::string& text) {
   return numbers;
 }
 
-// What the page tells of how the map was made: `unwrap` without what it does not show. Charts that took most steps have
-// their residuals, as many as there is room for.
+// The part of `unwrap` that the page shows. Residuals are kept for the charts with the most steps, as far as the limit
+// allows.
 Json SolveJson(const Json& unwrap) {
   Json kept = Json::object();
   for (const char* key : {"charts", "seconds", "warnings", "tolerance"}) {

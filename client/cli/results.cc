@@ -265,7 +265,7 @@ std::string SolverName(const ChartReport& chart) {
   return name;
 }
 
-// The solvers in use, those of most triangles first: " (uzawa+amg, uzawa+cholesky)".
+// The solvers in use, ordered by their numbers of triangles: " (uzawa+amg, uzawa+cholesky)".
 std::string SolversText(const std::vector<ChartReport>& charts) {
   std::map<std::string, std::int64_t> triangles;
   for (const ChartReport& chart : charts) triangles[SolverName(chart)] += chart.triangles;
@@ -276,7 +276,7 @@ std::string SolversText(const std::vector<ChartReport>& charts) {
   return names.empty() ? "" : " (" + Join(names, ", ") + ")";
 }
 
-// What became of the outlines of BOUNDARY_CONVEX: one line, whatever the number of charts.
+// The state of the outlines with BOUNDARY_CONVEX, in one line for all charts.
 std::string OutlinesText(const std::vector<ChartReport>& charts) {
   std::int64_t settled = 0, active = 0, vertices = 0;
   for (const ChartReport& chart : charts) {

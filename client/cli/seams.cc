@@ -114,7 +114,7 @@ std::pair<std::int64_t, std::int64_t> EndsFacedBy(const Triangulation& triangles
   return {triangles.corner_of_triangle[first + (c + 1) % 3], triangles.corner_of_triangle[first + (c + 2) % 3]};
 }
 
-// Per corner: whether the edge that it faces is none of its polygon's own.
+// Per corner: whether it faces a diagonal of its polygon.
 std::vector<char> FacesDiagonal(const Triangulation& triangles) {
   std::vector<char> result(triangles.corner_of_triangle.size(), 0);
   const auto faces = static_cast<std::int64_t>(triangles.source_polygon.size());

@@ -176,7 +176,7 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
   const MeshInput from({arguments.from}, 0);
   const MeshInput to = ReadTarget(arguments, "where the images go");
   TextureArguments limits = arguments.textures;
-  limits.textures = Textures::kDrop;  // those that TO may have are replaced
+  limits.textures = Textures::kDrop;  // images of TO are replaced
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
   std::atomic<bool> is_stopped = false;
   output.textures.stop = &is_stopped;

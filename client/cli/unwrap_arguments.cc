@@ -113,7 +113,7 @@ void AddSeams(CLI::App& app, UnwrapArguments& arguments) {
       ->type_name("LIST");
 }
 
-// Flags that are given count more than those of a preset.
+// Given flags override the preset.
 void AddPreset(CLI::App& app, UnwrapArguments& arguments) {
   CLI::Option* const preset =
       app.add_option(
@@ -189,7 +189,7 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments) {
 
 namespace {
 
-// Options without effect beside each other.
+// Checks options that have no effect together.
 std::string CheckAtlas(const MapArguments& map) {
   const UnwrapOptions& options = map.options;
   if (options.max_stretch != 0 && options.seams != Seams::kAuto) {
@@ -207,7 +207,7 @@ std::string CheckAtlas(const MapArguments& map) {
   return "";
 }
 
-// What several atlases, or weights, do not go with.
+// Checks options that do not go with several atlases, or with weights.
 std::string CheckParts(const UnwrapArguments& arguments) {
   const UnwrapOptions& options = arguments.map.options;
   const bool is_stacked = options.atlas_layout == AtlasLayout::kStacked;
@@ -225,7 +225,7 @@ std::string CheckParts(const UnwrapArguments& arguments) {
   return "";
 }
 
-// What a batch cannot do; empty if all is well.
+// Checks options that a batch does not support.
 std::string CheckBatch(const UnwrapArguments& arguments) {
   if (arguments.output.path.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output.path == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
@@ -244,7 +244,7 @@ std::string CheckBatch(const UnwrapArguments& arguments) {
   return "";
 }
 
-// What has to do with several files.
+// Checks several files and decides whether they are a batch.
 std::string CheckInputs(UnwrapArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   const auto directory = std::find_if(inputs.begin(), inputs.end(), IsDirectory);

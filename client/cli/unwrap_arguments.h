@@ -17,7 +17,7 @@ struct UnwrapArguments : DeliveryArguments {
   // Several files, or a directory, that become a job and an output each (batch_plan.h). `format` and `again` are for it
   // only.
   bool batch = false;
-  std::string format;      // of the outputs, as the end of a name: "glb"; empty: that of each input
+  std::string format;      // output format, a file extension: "glb"; empty: the format of each input
   bool again = false;      // redo files that are up to date
   bool one_atlas = false;  // the files are one mesh and share the atlas
 
@@ -37,7 +37,7 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments);
 std::string Check(UnwrapArguments& arguments);
 int Run(const UnwrapArguments& arguments, Interrupts& interrupts);  // unwrap_command.cc
 
-// Of several files; Run() calls it (batch_command.cc).
+// Unwraps several files; Run() calls it (batch_command.cc).
 int RunBatch(const UnwrapArguments& arguments, Interrupts& interrupts);
 
 }  // namespace planish::cli
