@@ -1,5 +1,5 @@
-// Arguments that several commands have: structs that a command puts together, the flags that set them, and checks of
-// what flags mean together. The arguments of one command alone are beside that command (inspect_command.h, ...).
+// Arguments that several commands share: structs to compose a command's arguments of, the flags that set them, and
+// their checks. Arguments of a single command are declared beside it (inspect_command.h, ...).
 #pragma once
 
 #include <cstdint>

@@ -20,7 +20,7 @@
 namespace planish::cli {
 namespace {
 
-// How long a server may be away, to be restarted for instance, before the batch ends without it.
+// How long the batch waits for a server that went away, for instance to restart.
 constexpr double kServerPatienceSeconds = 30;
 
 ServerNeeds NeedsOf(const UnwrapArguments& arguments, const BatchPlan& plan) {
@@ -28,7 +28,7 @@ ServerNeeds NeedsOf(const UnwrapArguments& arguments, const BatchPlan& plan) {
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
   needs.workers = static_cast<int>(std::min<std::size_t>(cores, plan.items.size()));
   needs.threads = arguments.map.options.threads;
-  // The batch asks again for as long as it takes.
+  // The batch retries without limit.
   needs.client.queue_full_timeout = Seconds(arguments.detach ? 0 : 1e9);
   return needs;
 }
@@ -119,7 +119,7 @@ int RunBatch(const UnwrapArguments& arguments, Interrupts& interrupts) {
     plan = PlanBatch({arguments.inputs.All(), arguments.output.path, arguments.format, arguments.texcoord});
     return RunPlan(arguments, interrupts, plan);
   } catch (const Error& error) {
-    // Nothing was tried.
+    // The batch failed before it tried a file.
     const int exit_code = ExitCodeOf(error);
     std::cerr << ErrorText(error, "", StderrTerminal());
     if (arguments.json) {

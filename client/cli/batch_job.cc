@@ -25,9 +25,9 @@
 namespace planish::cli {
 namespace {
 
-// A job that waited for less found an idle worker.
+// A job with a shorter wait found an idle worker.
 constexpr double kIdleSeconds = 0.005;
-// Threads of this command; a server with more workers is kept busy by several commands.
+// Most threads of this command. It takes several commands to keep a server with more workers busy.
 constexpr int kMostThreads = 256;
 
 int Spare(int workers) {
@@ -72,7 +72,7 @@ void BatchFlight::Stop() {
 
 void BatchFlight::OnQueueFull() {
   const std::lock_guard lock(mutex_);
-  // Those that wait for room in the queue are in memory for nothing.
+  // Files that wait for room in the queue use memory to no purpose.
   limit_ = std::max(1, std::min(limit_, in_flight_) - 1);
 }
 
@@ -125,7 +125,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a job kept a worker busy for.
+// The time that a job kept a worker busy.
 Seconds WorkTime(const StageTimes& times) {
   return times.decode + times.charts + times.solve + times.layout + times.pack + times.verify + times.encode;
 }
@@ -161,7 +161,7 @@ class BatchJob {
     if (const auto known = context_.state.Find(item_.key); known && known->IsOf(record_) && !arguments_.again) {
       if (context_.state.IsIntact(*known)) return Keep(*known);
       if (known->queued && known->server == arguments_.server.address) job = known->job;
-      // The run before ended between the question and the answer: the same question brings the same job.
+      // The previous run ended between request and response. The same request id returns the same job.
       if (known->server == arguments_.server.address) request_id = known->request_id;
     }
     MakeDirectory(fs::path(item_.output).parent_path());
@@ -188,7 +188,7 @@ class BatchJob {
     return call;
   }
 
-  // Whether a queued job needs no more waiting; forgets one that the server does not know any more.
+  // Whether a queued job has ended. Clears `job` if the server no longer knows it.
   bool HasEnded(std::string* job) {
     try {
       return IsTerminal(context_.client.GetJob(*job).state);
@@ -199,7 +199,7 @@ class BatchJob {
     }
   }
 
-  // The result of a job that an earlier run has queued; nothing if the server does not know it any more.
+  // The result of a job that an earlier run has queued; nothing if the server no longer knows it.
   std::optional<UnwrapResult> Fetch(const std::string& job) {
     try {
       return context_.client.AttachResult(job, files_->view(), callbacks_, Call());
@@ -245,7 +245,7 @@ class BatchJob {
     }
   }
 
-  // `fetched`: the job ran on its own, before or while we watched.
+  // `fetched`: the job was queued by an earlier run.
   void Deliver(UnwrapResult result, bool fetched) {
     for (const OutputFile& file : files_->WriteResult(result, {}, context_.stop)) {
       const fs::path place = fs::path(file.path).lexically_relative(arguments_.output.path);
@@ -258,7 +258,7 @@ class BatchJob {
     record_.why = WhyNotUsable(report);
     record_.triangles = report.triangles;
     record_.charts = report.chart_totals.charts;
-    // Waiting for a worker is the batch's own doing: it sends meshes ahead.
+    // Excludes the wait for a worker, which the batch causes itself by sending meshes ahead.
     const Seconds own = fetched ? WorkTime(report.times) : report.times.total - report.times.queue;
     record_.seconds = std::max(0.0, own.count());
     context_.state.Append(record_);
@@ -334,7 +334,7 @@ class BatchJob {
     end_.json.update(ReportJson(failure));
   }
 
-  // What every line of --json begins with.
+  // The beginning of every line of --json.
   void BeginJson() {
     end_.json = {{"file", item_.name}, {"result", ToString(end_.row.result)}, {"kept", end_.row.kept}};
   }
@@ -372,8 +372,7 @@ BatchEnd NotTried(const BatchItem& item) {
 
 namespace {
 
-// A file in flight is in memory three times: its bytes, the mesh and the request. Together they take about five times
-// its size.
+// A file in flight is in memory as bytes, as a mesh and as a request: about five times its size in all.
 constexpr std::int64_t kMostBytesInFlight = std::int64_t{512} << 20;
 constexpr double kLongestPauseSeconds = 5;
 

@@ -38,7 +38,7 @@ Error Conflict(const std::string& message) {
   return Error(ErrorCode::kInvalidArgument, "BATCH_OUTPUT_CONFLICT", message);
 }
 
-// The path that all names of a file share, as far as it exists.
+// The canonical path, with symbolic links resolved as far as the path exists.
 fs::path Canonical(const fs::path& path) {
   std::error_code error;
   const fs::path canonical = fs::weakly_canonical(path, error);
@@ -176,7 +176,7 @@ std::string Hexadecimal(const std::string& bytes) {
   return absl::BytesToHexString(Sha256(bytes));
 }
 
-// "a%20b.bin" as "a b.bin".
+// Decodes "a%20b.bin" to "a b.bin".
 std::string PercentDecoded(const std::string& uri) {
   std::string text;
   for (std::size_t i = 0; i < uri.size(); ++i) {
@@ -201,7 +201,7 @@ std::string_view GltfText(std::string_view bytes) {
   return bytes.substr(20, std::min(size, bytes.size() - 20));
 }
 
-// The files that buffers and images of a glTF lie in, from its folder.
+// The external files of buffers and images of a glTF, relative to its folder.
 std::vector<std::string> FilesOfGltf(const std::string& bytes) {
   std::vector<std::string> files;
   const std::string_view text = GltfText(bytes);
@@ -344,7 +344,7 @@ std::optional<BatchRecord> BatchState::Find(const std::string& key) const {
 void BatchState::Append(const BatchRecord& record) {
   const std::lock_guard lock(mutex_);
   const std::string line = (torn_ ? "\n" : "") + ToLine(record) + "\n";
-  // In one piece, so that a kill leaves a whole line or the beginning of one.
+  // A single write, so that a killed process leaves a whole line or the beginning of one.
   ssize_t written;
   do {
     written = write(file_.get(), line.data(), line.size());

@@ -85,7 +85,7 @@ constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
 // Texels that a distance may be below the padding asked for, since UV are floats.
 constexpr double kPaddingSlack = 0.01;
 
-// The chart of the largest stretch; nothing without charts.
+// The chart with the largest stretch; nothing without charts.
 std::optional<std::size_t> MostStretched(const CheckedMap& map) {
   const std::vector<ChartCheck>& charts = map.check.charts;
   const auto worst = std::max_element(charts.begin(), charts.end(), [](const ChartCheck& a, const ChartCheck& b) {
@@ -120,7 +120,7 @@ class FileFaces {
     return polygons;
   }
 
-  // Those with one of the bits of `faults`.
+  // Faces with one of the bits of `faults`.
   std::vector<std::int64_t> WithFault(std::uint8_t faults, std::size_t most) const {
     return Polygons(TrianglesWithFault(faults), most);
   }
@@ -142,8 +142,7 @@ class FileFaces {
     return " (" + Places({{"faces", ids}}, &input_) + ")";
   }
 
-  // How many there are, in the numbers of the file: "3 (face 2, ...)", or where it has polygons "6 triangles of 3 faces
-  // (face 2, ...)".
+  // The count with the first faces, "3 (face 2, ...)"; for polygons, "6 triangles of 3 faces (face 2, ...)".
   std::string Counted(const std::vector<std::int32_t>& triangles) const {
     if (triangles.empty()) return "none";
     const auto count = static_cast<std::int64_t>(triangles.size());
@@ -229,7 +228,7 @@ std::vector<RequirementResult> CheckRequirements(const Requirements& wanted, con
   const auto missing = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
   require(Requirement::kUv, missing == 0,
           Counted(missing, "triangle has", "triangles have") + " no UV, or UV at NaN or infinity");
-  // A search that ended early proves nothing.
+  // A search that ended early does not prove that there are no overlaps.
   require(Requirement::kNoOverlap, check.overlaps.pairs == 0 && !check.overlaps.limited,
           check.overlaps.pairs == 0
               ? "too many triangles lie close together to look at all pairs"

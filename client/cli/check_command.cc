@@ -111,7 +111,7 @@ std::string Check(CheckArguments& arguments) {
 
 namespace {
 
-// Judges file after file, and counts.
+// Checks one file after the other, and counts results.
 class CheckRun {
  public:
   CheckRun(const CheckArguments& arguments, const Execution& execution) : arguments_(arguments), execution_(execution) {

@@ -28,7 +28,7 @@
 
 namespace planish::cli {
 
-// Those of the command that was given.
+// The arguments of the command that was given.
 using Arguments =
     std::variant<UnwrapArguments, PackArguments, TransferArguments, CheckArguments, ReportArguments, InspectArguments,
                  EstimateArguments, JobsListArguments, JobsShowArguments, JobsWatchArguments, JobsStopArguments,

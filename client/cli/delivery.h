@@ -1,5 +1,5 @@
-// What unwrap and jobs watch have in common: the files that a job is about, its errors in their words, and the way of
-// its result into files.
+// Shared by unwrap and jobs watch: reads the files of a job, writes its result into them, and reports errors with the
+// ids of the files.
 #pragma once
 
 #include <functional>
@@ -40,8 +40,8 @@ class Delivery {
   // The rest of --timeout for the server; 0: no limit.
   Seconds TimeLeft() const;
 
-  // Writes the output, which is files that are written all or none, and the preview; then `draw` draws more. Then the
-  // clock stops. The first signal ends the drawing of images; then nothing is written.
+  // Writes the output files, all or none, and the preview. Then calls `draw`, for other pictures, and stops the clock.
+  // The first signal stops the drawing of images; then nothing is written.
   void Write(UnwrapResult& result, Interrupts& interrupts, const std::function<void()>& draw = {});
   // Prints the summary and the JSON report, and returns the exit code.
   int Tell(const UnwrapResult& result) const;

@@ -1,4 +1,4 @@
-// What declarations of flags are made with.
+// CLI11, and a helper for flags that choose a value of an enum. For sources that declare flags.
 #pragma once
 
 #include <string>

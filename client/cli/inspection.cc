@@ -14,7 +14,7 @@
 namespace planish::cli {
 namespace {
 
-// The file's triangles on all of its vertices, at the positions that travel.
+// The triangles and all vertices of the file, with positions rounded as they are sent.
 Mesh AsSent(const MeshInput& input) {
   const Triangulation& triangles = input.triangulation();
   Mesh mesh;
@@ -27,7 +27,7 @@ Mesh AsSent(const MeshInput& input) {
   return mesh;
 }
 
-// From triangles to the file's polygons, each once.
+// The file's polygons of these triangles, each once.
 std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std::int64_t>& triangles) {
   std::vector<std::int64_t> polygons;
   for (const std::int64_t t : triangles) {
@@ -37,7 +37,7 @@ std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std
   return polygons;
 }
 
-// Collects findings in the order in which they are told.
+// Collects findings in the order of the output.
 class Findings {
  public:
   explicit Findings(const MeshInput& input) : input_(input) {}
@@ -168,7 +168,7 @@ std::string Names(const std::vector<std::string>& names) {
   return names.size() > kMaxNames ? text + ", ..." : text;
 }
 
-// Lines under a heading in the margin.
+// Lines beside a heading in the margin.
 std::string Paragraph(const std::string& heading, const std::vector<std::string>& lines) {
   constexpr std::size_t kMargin = 11;
   std::string text;

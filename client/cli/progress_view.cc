@@ -19,7 +19,7 @@
 namespace planish::cli {
 namespace {
 
-// The time between two paintings.
+// The time between two repaints.
 constexpr std::chrono::milliseconds kFrame(80);
 
 class NoView : public ProgressView {
@@ -28,7 +28,7 @@ class NoView : public ProgressView {
   void Say(const std::string& line) override { std::cerr << line + "\n" << std::flush; }
 };
 
-// A job that is taken up, and the time since then.
+// A job in progress, and the time since its begin.
 struct Running {
   Timer timer;
   JobProgress progress;
@@ -39,7 +39,7 @@ struct Running {
   }
 };
 
-// Paints from a thread of its own, and ticks while nothing arrives.
+// Paints from its own thread, and updates the clock between events.
 class BarsView : public ProgressView {
  public:
   BarsView(const std::vector<std::string>& names, bool is_batch) : ProgressView(names, is_batch) {
@@ -102,7 +102,7 @@ class BarsView : public ProgressView {
     }
     painter_.join();
     const std::lock_guard lock(mutex_);
-    // What went wrong is told by others, in words.
+    // The caller reports errors.
     Write(Painting(0, true));
   }
 
@@ -135,7 +135,7 @@ class BarsView : public ProgressView {
   void PaintUntilStopped() {
     std::unique_lock lock(mutex_);
     for (int frame = 0; !stopped_; ++frame) {
-      // A quick job should not flash a bar at all before its last line.
+      // A quick job shows its last line only.
       if (frame > 0) {
         const std::string painting = Painting(frame, false);
         lock.unlock();
@@ -257,7 +257,7 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
     Say(Printable(is_named ? text : names_[job] + ": " + text, true));
   };
   callbacks.on_event = [say, told = callbacks.on_event, known = std::string()](const Event& event) mutable {
-    // A job that was lost goes on under another name.
+    // A lost job is submitted again under another name.
     if (event.job && event.job->name != known) {
       known = event.job->name;
       say(known + ", " + WithCommas(event.job->mesh_bytes) + " bytes sent, " + Megabytes(event.job->memory_bytes) +

@@ -16,10 +16,10 @@
 namespace planish::cli {
 namespace {
 
-// An area in the map below this share of the square of the island's extent may be nothing but rounding.
+// Below this fraction of the squared extent of an island, its area in the map may be rounding error.
 constexpr double kNoArea = 1e-6;
-// Where islands are points in the map they are packed as squares of this side, which the packer enlarges to a texel;
-// smaller ones than a thousandth of that are points.
+// An island smaller than kPoint in the map counts as a point. It is packed as a square of side kSquareSide, which the
+// packer enlarges to a texel.
 constexpr double kSquareSide = 1e-6, kPoint = 1e-9;
 // Size of an island that is a point on the surface, as a fraction of the size of the whole surface.
 constexpr double kPointSize = 1e-6;
@@ -61,7 +61,7 @@ std::vector<Extent> Measure(const Mesh& mesh, const std::vector<double>& uv, con
   return extents;
 }
 
-// Lengths on the surface over lengths in the map, per island.
+// Per island: length on the surface divided by length in the map.
 std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
   double whole_area = 0;
   for (const Extent& extent : extents) whole_area += extent.surface_area;
@@ -80,7 +80,7 @@ std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
   return scales;
 }
 
-// Per island the mean of its faces' weights.
+// Per island: the mean weight of its faces.
 std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, const std::vector<double>& face_weights) {
   struct Sums {
     double area = 0, weighted = 0, faces = 0, counted = 0;
@@ -99,7 +99,8 @@ std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, cons
   return means;
 }
 
-// The islands round their lower left corners, and which place of each a corner of the mesh has.
+// The islands, relative to their lower left corners, and for each corner of the mesh its index among the positions of
+// its island.
 struct Charts {
   std::vector<PackChart> charts;
   std::vector<std::int32_t> position_of_corner;
@@ -114,7 +115,7 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     faces[islands.island_of_face[f]].push_back(static_cast<std::int32_t>(f));
   }
-  // Islands may touch in a place, so each has its own numbers for its places.
+  // Islands may touch in a place, so each island numbers its places separately.
   std::vector<std::int32_t> number(islands.num_places), island_of_number(islands.num_places, -1);
   for (std::int32_t i = 0; i < islands.count; ++i) {
     PackChart& chart = result.charts[i];
@@ -220,7 +221,7 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     const std::vector<double> weights = MeanWeights(mesh, islands, options.face_weights);
     for (std::size_t i = 0; i < scales.size(); ++i) scales[i] *= weights[i];
   }
-  // Densities are relative; with these the whole has about the area of a tile before it is packed.
+  // Densities are relative. They are scaled so that all islands together have the area of one tile.
   double whole_area = 0;
   for (std::size_t i = 0; i < extents.size(); ++i) whole_area += extents[i].map_area * scales[i] * scales[i];
   const double size = whole_area > 0 ? std::sqrt(whole_area) : 1;

@@ -88,7 +88,7 @@ std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv) {
     for (std::size_t i = 0; i < inside.size(); ++i) inside[i] = (inside[i] - box.min()[i % 2]) / size;
   }
   Image image = DrawMap(mesh, inside, options);
-  // Fewer shades are a third of the bytes.
+  // Fewer shades compress to a third of the bytes.
   for (Rgb& pixel : image.pixels) {
     for (std::uint8_t* const part : {&pixel.r, &pixel.g, &pixel.b}) {
       *part = static_cast<std::uint8_t>((*part + 8) / 17 * 17);
@@ -107,10 +107,10 @@ std::string FileName(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-// Newton stops there unless told otherwise (planish.v1.UnwrapOptions.tolerance).
+// The default tolerance of Newton's method (planish.v1.UnwrapOptions.tolerance).
 constexpr double kDefaultTolerance = 1e-9;
 
-// `output`: where the mesh went; empty: to stdout.
+// `output`: the file that was written; empty: stdout.
 FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, const std::string& output,
                         const UnwrapOptions& unwrap, const Execution& execution, const SheetMember* member) {
   const Atlas& atlas = result.report.atlas;

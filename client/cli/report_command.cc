@@ -64,14 +64,14 @@ void AddFlags(CLI::App& app, ReportArguments& arguments) {
 
 namespace {
 
-// Whether it makes a page of each file, and a sheet.
+// Whether the command makes a page for each file, and a sheet.
 bool IsSheet(const ReportArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   return inputs.size() > 2 || IsDirectory(arguments.output) || arguments.output.ends_with('/') ||
          std::any_of(inputs.begin(), inputs.end(), IsDirectory);
 }
 
-// What a sheet cannot be made of; empty if all is well.
+// Checks arguments of a sheet.
 std::string CheckSheet(const ReportArguments& arguments) {
   if (arguments.output == "-") return "-o - takes one page; those of many files need -o DIRECTORY/";
   if (!arguments.job_report.empty()) return "--job-report is about one file, and -o about many";
@@ -100,7 +100,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The report of an unwrap as a program printed it. Throws planish::Error.
+// Reads what `unwrap --json` printed. Throws planish::Error.
 Json ReadJobReport(const std::string& path) {
   const absl::StatusOr<std::string> text = ReadWholeFile(path);
   if (!text.ok()) throw ErrorFrom(text.status());

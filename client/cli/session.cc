@@ -22,13 +22,13 @@ Interrupts::Interrupts() {
   sigset_t watched;
   sigemptyset(&watched);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
-    // nohup and shells that start us in the background have said that this one is not for us.
+    // A signal ignored by the parent (nohup, a background job) stays ignored.
     struct sigaction action = {};
     sigaction(signal, nullptr, &action);
     if (action.sa_handler != SIG_IGN) sigaddset(&watched, signal);
   }
   pthread_sigmask(SIG_BLOCK, &watched, nullptr);
-  // Writing to a pipe whose reader left must be an error, not the end.
+  // Writing to a closed pipe must return an error, not end the process.
   signal(SIGPIPE, SIG_IGN);
   signals_ = Descriptor(signalfd(-1, &watched, SFD_CLOEXEC));
   stop_ = Descriptor(eventfd(0, EFD_CLOEXEC));
@@ -96,7 +96,7 @@ ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts
     const Timer timer;
     private_server_.emplace(options);
     start_seconds_ = timer.Seconds();
-    // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
+    // Leaving at once skips destructors. The server ends by itself, but its socket must be removed.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;
       std::filesystem::remove_all(directory, ignored);
@@ -105,7 +105,7 @@ ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts
     interrupts.LeaveIfInterrupted();
   }
   ClientOptions options = private_server_ ? needs.client : WithServer(needs.client, server);
-  // A private server that is lost does not come back.
+  // A lost private server does not come back.
   if (private_server_) options.reattach_timeout = options.retry_timeout = Seconds(1);
   client_.emplace(private_server_ ? private_server_->target() : address_, options);
 }

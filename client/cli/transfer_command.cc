@@ -68,7 +68,7 @@ std::string Check(TransferArguments& arguments) {
 
 namespace {
 
-// Places of corners, rounded to float: the same number in an OBJ and in a glTF.
+// Positions of corners, rounded to float, so that an OBJ and a glTF have equal numbers.
 using Place = std::array<std::uint32_t, 3>;
 using PlacesOfFace = std::array<Place, 3>;
 
@@ -82,7 +82,7 @@ struct HashOfPlaces {
   }
 };
 
-// The corners of a face from the one with the least place on, and which one that is.
+// The positions of the corners of a face, rotated so that the least comes first, and the corner that it belongs to.
 std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) {
   PlacesOfFace places;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -98,8 +98,8 @@ std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) 
   return {places, first};
 }
 
-// For each corner of `to`'s faces the UV that `from` has there, 6 numbers a face. Faces that are there several times
-// are paired in their order. Throws SURFACES_DIFFER.
+// For each corner of the faces of `to`: the UV of `from` at that corner, 6 numbers a face. Duplicate faces are paired
+// in order. Throws SURFACES_DIFFER.
 std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from) {
   struct Faces {
     std::vector<std::size_t> list;
@@ -142,7 +142,7 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
   return result;
 }
 
-// TO of the command, which must have UV; `use` says what for.
+// Reads TO, which must have UV; `use` explains in the error why.
 MeshInput ReadTarget(const TransferArguments& arguments, const std::string& use) {
   MeshInput to({arguments.to}, arguments.texcoord);
   if (to.CornerTexcoords().empty()) {
@@ -169,7 +169,7 @@ void Say(const TransferArguments& arguments, const WrittenMesh& written, const s
   std::cout << ToText(json) << std::flush;
 }
 
-// Texels that may be missed before a warning says so.
+// Fraction of missed texels above which there is a warning.
 constexpr double kManyMissed = 0.005;
 
 int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, const Timer& timer) {

@@ -18,10 +18,10 @@ namespace planish::cli {
 
 namespace {
 
-// What the value of a label may have.
+// The longest value of a label.
 constexpr std::size_t kMaxLabelBytes = 256;
 
-// The end of a text that is too long, from the beginning of a character on.
+// The last bytes of a text that is too long, without a partial character.
 std::string LastBytes(const std::string& text, std::size_t most) {
   if (text.size() <= most) return text;
   std::size_t begin = text.size() - most;
@@ -122,7 +122,7 @@ void WarnOfCutPolygons(const std::vector<std::int64_t>& faulty, std::int64_t tor
        {{"count", std::to_string(count)}, {"faces", FirstIds(faulty)}, {"written_as_several", std::to_string(torn)}}});
 }
 
-// Replaces the figures of the server, which verified the numbers it sent, by the figures of the files as written.
+// Replaces the figures of the server, which verified the UV that it sent, by figures measured on the written files.
 void JudgeWritten(const MeshInput& written, const std::string& path, Report* report) {
   MapCheckOptions options;
   options.texture_size = std::max(report->atlas.texture_size, 1);
@@ -132,7 +132,7 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   const CheckedMap map = CheckMapOf(written, options, {&team});
   const MapCheck& check = map.check;
   Quality& quality = report->quality;
-  // Charts that lie on each other on purpose are told from others by the server only.
+  // Only the server knows which charts overlap on purpose.
   const bool is_flat_atlas = report->atlas.pack && report->atlas.layout != AtlasLayout::kStacked;
   const std::int64_t overlapping = is_flat_atlas ? check.overlaps.pairs : quality.overlapping;
   const auto without_uv = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
