@@ -165,10 +165,18 @@ void AddTextures(CLI::App& app, TextureArguments& textures) {
       app, "--textures", textures.textures,
       "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
       "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
-  AddImageLimits(app, textures);
+  AddImageFlags(app, textures);
 }
 
-void AddImageLimits(CLI::App& app, TextureArguments& textures) {
+void AddImageFlags(CLI::App& app, TextureArguments& textures) {
+  app.add_flag("--merge-materials", textures.merge_materials,
+               "glTF: materials that differ only in images and factors become one, with one set of images and one "
+               "primitive a mesh");
+  app.add_option_function<std::string>(
+         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
+         "Paint this into an image of base colours: colors, those of the vertices [nothing]")
+      ->check(CLI::IsMember({"colors"}).description(""))
+      ->type_name("colors");
   app.add_option("--memory", textures.memory_mb,
                  "Megabytes that moving one image may take at most [half of the machine's]")
       ->check(CLI::Range(1, 1 << 24).description(""))
@@ -292,6 +300,14 @@ std::string CheckPreview(const std::string& preview) {
 std::string CheckStdout(const std::string& output, bool json) {
   if (output != "-" || !json) return "";
   return "-o - and --json both want stdout; write the mesh to a file, or leave --json out";
+}
+
+std::string CheckPainting(const TextureArguments& textures) {
+  if (textures.textures == Textures::kTransfer) return "";
+  const std::string given = std::string("--textures=") + ToString(textures.textures);
+  if (textures.merge_materials) return "--merge-materials draws images anew, and " + given + " does not";
+  if (textures.bake_colors) return "--bake draws an image, and " + given + " draws none";
+  return "";
 }
 
 namespace {

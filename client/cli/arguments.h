@@ -90,6 +90,8 @@ struct TextureArguments {
   Textures textures = Textures::kTransfer;
   std::int64_t memory_mb = 0;  // limit for one image; 0: half of the machine's memory
   bool allow_outside = false;  // read images outside the model's folder
+  bool merge_materials = false;
+  bool bake_colors = false;
 };
 
 struct OutputArguments {
@@ -102,9 +104,9 @@ struct OutputArguments {
 void AddOutput(CLI::App& app, std::string& path, bool takes_batch);
 void AddPreview(CLI::App& app, std::string& preview);
 void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord);
-// --textures, and what AddImageLimits() adds: --memory and --allow-outside.
+// --textures, and the flags of AddImageFlags(): --merge-materials, --bake, --memory and --allow-outside.
 void AddTextures(CLI::App& app, TextureArguments& textures);
-void AddImageLimits(CLI::App& app, TextureArguments& textures);
+void AddImageFlags(CLI::App& app, TextureArguments& textures);
 
 // ---- The atlas
 
@@ -125,6 +127,8 @@ std::string CheckStreams(const std::vector<std::string>& inputs);
 std::string CheckPreview(const std::string& preview);
 // Whether the mesh and JSON both want stdout.
 std::string CheckStdout(const std::string& output, bool json);
+// Whether --merge-materials and --bake go with --textures.
+std::string CheckPainting(const TextureArguments& textures);
 // Whether there is an output; the message has an example.
 std::string CheckDestination(const std::string& output, const std::string& command, const std::string& input);
 

@@ -132,8 +132,9 @@ Seconds WorkTime(const StageTimes& times) {
 
 class BatchJob {
  public:
-  BatchJob(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks)
-      : context_(context), arguments_(context.arguments), item_(item), callbacks_(callbacks) {
+  BatchJob(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+           const std::function<void(const ImageProgress&)>& on_image)
+      : context_(context), arguments_(context.arguments), item_(item), callbacks_(callbacks), on_image_(on_image) {
     end_.row.name = item.name;
   }
 
@@ -247,7 +248,7 @@ class BatchJob {
 
   // `fetched`: the job was queued by an earlier run.
   void Deliver(UnwrapResult result, bool fetched) {
-    for (const OutputFile& file : files_->WriteResult(result, {}, context_.stop)) {
+    for (const OutputFile& file : files_->WriteResult(result, on_image_, context_.stop)) {
       const fs::path place = fs::path(file.path).lexically_relative(arguments_.output.path);
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }
@@ -343,6 +344,7 @@ class BatchJob {
   const UnwrapArguments& arguments_;
   const BatchItem& item_;
   const Callbacks& callbacks_;
+  const std::function<void(const ImageProgress&)>& on_image_;
   const Timer timer_;
   BatchRecord record_;
   std::optional<UnwrapFiles> files_;
@@ -359,8 +361,9 @@ bool PauseUnlessStopped(const std::stop_token& stop, double seconds) {
   return !stop.stop_requested();
 }
 
-BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks) {
-  return BatchJob(context, item, callbacks).Do();
+BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+                     const std::function<void(const ImageProgress&)>& on_image) {
+  return BatchJob(context, item, callbacks, on_image).Do();
 }
 
 BatchEnd NotTried(const BatchItem& item) {
@@ -426,7 +429,8 @@ BatchEnd BatchRun::DoWithPatience(std::size_t file) {
   const Timer timer;
   double pause = 0.5;
   for (;;) {
-    BatchEnd end = DoBatchItem(context_, plan_.items[file], callbacks);
+    BatchEnd end = DoBatchItem(context_, plan_.items[file], callbacks,
+                               [this, file](const ImageProgress& progress) { view_.OnImage(file, progress); });
     if (end.queue_seconds) flight_.OnDone(*end.queue_seconds);
     if (!end.server_error || ShouldStop()) return end;
     if (timer.Seconds() + pause > options_.server_patience_seconds) {

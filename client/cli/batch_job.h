@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -108,9 +109,10 @@ struct BatchEnd {
 };
 
 // Does nothing for a file that is up to date. Otherwise fetches the result of the job that an earlier run has queued,
-// or runs a job; with --detach it only queues the job. Errors are in the row. `callbacks` as in planish/client.h.
-// Thread-safe for different items.
-BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks);
+// or runs a job; with --detach it only queues the job. Errors are in the row. `callbacks` as in planish/client.h;
+// `on_image` is called before each image that is drawn. Thread-safe for different items.
+BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+                     const std::function<void(const ImageProgress&)>& on_image);
 
 // Waits; false if the stop came first.
 bool PauseUnlessStopped(const std::stop_token& stop, double seconds);

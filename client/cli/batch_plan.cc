@@ -251,7 +251,9 @@ std::string SettingsDigest(const UnwrapArguments& arguments) {
                      {"weights", arguments.map.material_weights},
                      {"texcoord", arguments.texcoord},
                      {"output_texcoord", arguments.output.texcoord.value_or(arguments.texcoord)},
-                     {"textures", ToString(arguments.output.textures.textures)}};
+                     {"textures", ToString(arguments.output.textures.textures)},
+                     {"merge_materials", arguments.output.textures.merge_materials},
+                     {"bake_colors", arguments.output.textures.bake_colors}};
   return Hexadecimal(ToLine(json));
 }
 

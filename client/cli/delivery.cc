@@ -21,15 +21,14 @@ Seconds Delivery::TimeLeft() const {
   return Seconds(std::max(0.001, arguments_.timeout_seconds - timer_.Seconds()));
 }
 
-void Delivery::Write(UnwrapResult& result, Interrupts& interrupts, const std::function<void()>& draw) {
+void Delivery::Write(UnwrapResult& result, Interrupts& interrupts, ProgressView& view,
+                     const std::function<void()>& draw) {
   std::stop_source stop;
   interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
-  std::function<void(const std::string&)> on_image;
-  if (arguments_.terminal.verbose) {
-    on_image = [](const std::string& image) { std::cerr << "Moving image " + Printable(image, true) + "\n"; };
-  }
-  files_->WriteResult(result, on_image, stop.get_token());
+  files_->WriteResult(
+      result, [&view](const ImageProgress& progress) { view.OnImage(0, progress); }, stop.get_token());
   interrupts.SetCancel({});
+  End(view, !interrupts.interrupted());
   interrupts.LeaveIfInterrupted();
   const std::string& preview = arguments_.output.preview;
   if (!preview.empty()) {

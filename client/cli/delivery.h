@@ -40,9 +40,10 @@ class Delivery {
   // The rest of --timeout for the server; 0: no limit.
   Seconds TimeLeft() const;
 
-  // Writes the output files, all or none, and the preview. Then calls `draw`, for other pictures, and stops the clock.
-  // The first signal stops the drawing of images; then nothing is written.
-  void Write(UnwrapResult& result, Interrupts& interrupts, const std::function<void()>& draw = {});
+  // Writes the output files, all or none, shows the images that are drawn in `view`, and ends it. Writes the preview,
+  // calls `draw`, for other pictures, and stops the clock. The first signal stops the drawing of images; then nothing
+  // is written.
+  void Write(UnwrapResult& result, Interrupts& interrupts, ProgressView& view, const std::function<void()>& draw = {});
   // Prints the summary and the JSON report, and returns the exit code.
   int Tell(const UnwrapResult& result) const;
 

@@ -44,8 +44,8 @@ std::string CheckMesh(const JobsWatchArguments& arguments) {
 
 std::string Check(JobsWatchArguments& arguments) {
   return FirstProblem({CheckTexcoord(arguments.texcoord, arguments.input), CheckPreview(arguments.output.preview),
-                       CheckStdout(arguments.output.path, arguments.json), CheckMesh(arguments),
-                       CheckJob(arguments.job, arguments.server)});
+                       CheckStdout(arguments.output.path, arguments.json), CheckPainting(arguments.output.textures),
+                       CheckMesh(arguments), CheckJob(arguments.job, arguments.server)});
 }
 
 int Run(const JobsWatchArguments& arguments, Interrupts& interrupts) {
@@ -66,8 +66,7 @@ int Run(const JobsWatchArguments& arguments, Interrupts& interrupts) {
     if (!arguments.input.empty()) {
       UnwrapResult result = server.client().AttachResult(arguments.job, delivery.files().input().view(),
                                                          view->CallbacksOf(0, arguments.terminal.verbose), call);
-      End(*view, true);
-      delivery.Write(result, interrupts);
+      delivery.Write(result, interrupts, *view);
       return delivery.Tell(result);
     }
     const Job job = server.client().WatchJob(arguments.job, view->CallbacksOf(0, arguments.terminal.verbose), 0, call);

@@ -375,6 +375,8 @@ TextureOptions TextureOptionsOf(const TextureArguments& arguments) {
   options.mode = arguments.textures == Textures::kDrop ? TextureMode::kDrop : TextureMode::kTransfer;
   options.memory = TextureMemory(arguments);
   options.allow_outside = arguments.allow_outside;
+  options.merge_materials = arguments.merge_materials;
+  options.bake_colors = arguments.bake_colors;
   options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 64U));
   return options;
 }

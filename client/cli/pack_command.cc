@@ -12,6 +12,7 @@
 
 #include "client/cli/exit_codes.h"
 #include "client/cli/flags.h"
+#include "client/cli/image_work.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/option_flags.h"
 #include "client/cli/repack.h"
@@ -43,6 +44,7 @@ void AddFlags(CLI::App& app, PackArguments& arguments) {
   AddPreview(app, arguments.output.preview);
   AddJson(app, arguments.json);
   AddTerminal(app, arguments.terminal);
+  AddProgress(app, arguments.terminal);
 }
 
 namespace {
@@ -63,7 +65,7 @@ std::string CheckDensity(const PackArguments& arguments) {
 
 std::string Check(PackArguments& arguments) {
   return FirstProblem({CheckTexcoord(arguments.texcoord, arguments.input), CheckPreview(arguments.output.preview),
-                       CheckStdout(arguments.output.path, arguments.json),
+                       CheckStdout(arguments.output.path, arguments.json), CheckPainting(arguments.output.textures),
                        CheckDestination(arguments.output.path, "pack", arguments.input),
                        CheckPadding(arguments.options), CheckDensity(arguments)});
 }
@@ -244,21 +246,15 @@ int PackFile(const MeshInput& input, const PackArguments& arguments, Interrupts&
   });
   options.atlas.texture_size = done.texture_size;
   const double pack_seconds = pack_timer.Seconds();
-  if (is_interrupted) {
-    std::cerr << "planish: interrupted; nothing was written\n";
-    if (arguments.json) {
-      Failure failure = FailureOf(Error(ErrorCode::kCancelled, "CANCELLED", "interrupted"));
-      failure.total_seconds = timer.Seconds();
-      std::cout << ToText(ReportJson(failure)) << std::flush;
-    }
-    return kInterrupted;
-  }
+  if (is_interrupted) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
 
   const Uv uv(std::move(done.uv));
   std::vector<Warning> warnings = WarningsOf(done, options.atlas);
-  const WrittenMesh written =
-      input.WithUv(uv, input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
-                                             static_cast<int>(options.atlas.padding), {}));
+  WrittenMesh written;
+  DrawImages(arguments.terminal, input.path(), interrupts,
+             input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
+                                   static_cast<int>(options.atlas.padding), {}),
+             [&](const std::vector<OutputOptions>& watched) { written = input.WithUv(uv, watched); });
   for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
   WriteAll(written.files, interrupts);
   if (!arguments.output.preview.empty())
@@ -281,6 +277,7 @@ int Run(const PackArguments& arguments, Interrupts& interrupts) {
     input.emplace(std::vector<std::string>{arguments.input}, arguments.texcoord);
     return PackFile(*input, arguments, interrupts, timer);
   } catch (const Error& error) {
+    if (interrupts.interrupted()) return Interrupted(arguments.json, error, timer.Seconds());
     return Fail(arguments, input ? &*input : nullptr, error, timer.Seconds());
   }
 }

@@ -244,6 +244,7 @@ std::string Mark(const JobProgress& progress, const Terminal& terminal, int fram
 std::string StageText(const JobProgress& progress) {
   if (progress.has_succeeded) return "done";
   if (!progress.notice.empty()) return progress.notice;
+  if (!progress.image.empty()) return progress.image;
   if (progress.stage == Stage::kQueue && progress.queue_position > 0) {
     return "queue (" + std::to_string(progress.queue_position) + " ahead)";
   }
@@ -260,7 +261,7 @@ std::string StageText(const JobProgress& progress) {
 }
 
 std::string Bar(const JobProgress& progress, const Terminal& terminal, int width) {
-  const double filled = progress.Fraction() * width;
+  const double filled = std::max(progress.Fraction(), progress.image_fraction) * width;
   const int whole = static_cast<int>(filled);
   const char* color = progress.has_succeeded ? kGreen : kCyan;
   if (!terminal.utf8) {
@@ -296,6 +297,11 @@ std::string CutBehind(const std::string& text, int columns) {
 
 }  // namespace
 
+std::string ImageText(const ImageProgress& progress) {
+  return "Resampling " + Printable(progress.name, true) + " (" + std::to_string(progress.number) + " of " +
+         std::to_string(progress.count) + ")";
+}
+
 std::string Sparkline(const std::vector<double>& values, double floor) {
   static constexpr std::array<const char*, 8> kBlocks = {"▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
   const std::size_t skip = values.size() > kSparklineLength ? values.size() - kSparklineLength : 0;
@@ -319,7 +325,7 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
   // At the end the summary describes the result, and the details of the last chart are left out.
-  if (!progress.residuals.empty() && !progress.has_succeeded) {
+  if (!progress.residuals.empty() && !progress.has_succeeded && progress.image.empty()) {
     std::string residual = Scientific(progress.residuals.back());
     if (progress.tolerance > 0) {
       residual += Colored(terminal, kDim, (terminal.utf8 ? " → " : " -> ") + Scientific(progress.tolerance));

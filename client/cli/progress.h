@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/text.h"
+#include "client/files/mesh_output.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -67,6 +68,8 @@ struct JobProgress {
   std::int64_t received_bytes = 0;
   std::int64_t total_bytes = 0;
   std::string notice;  // shown instead of the stage
+  std::string image;   // shown in the end, instead of the stage: ImageText()
+  double image_fraction = 0;
   bool has_succeeded = false;
   WorkEstimate estimate;
   double worker_began = 0;  // in elapsed_seconds
@@ -79,6 +82,9 @@ struct JobProgress {
   // The way from the first residual of the present chart to the tolerance, on a logarithmic scale, in [0, 1].
   double ChartFraction() const;
 };
+
+// "Resampling wood.png (2 of 5)"
+std::string ImageText(const ImageProgress& progress);
 
 // What a line of PlainLine() has said last.
 struct LastLine {

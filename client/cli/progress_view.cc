@@ -63,6 +63,12 @@ class BarsView : public ProgressView {
     running_[job].progress.received_bytes = received;
     running_[job].progress.total_bytes = total;
   }
+  void OnImage(std::size_t job, const ImageProgress& image) override {
+    const std::lock_guard lock(mutex_);
+    JobProgress& progress = running_[job].progress;
+    progress.image = ImageText(image);
+    progress.image_fraction = static_cast<double>(image.number - 1) / static_cast<double>(image.count);
+  }
   void OnNotice(std::size_t job, const std::string& notice) override {
     const std::lock_guard lock(mutex_);
     running_[job].progress.notice = notice;
@@ -169,6 +175,7 @@ class LinesView : public ProgressView {
     const std::string line = PlainLine(event, said_[job]);
     if (!line.empty()) Print(job, line);
   }
+  void OnImage(std::size_t job, const ImageProgress& progress) override { OnNotice(job, ImageText(progress)); }
   void OnNotice(std::size_t job, const std::string& notice) override {
     if (!every_step_) return;
     const std::lock_guard lock(mutex_);
@@ -195,7 +202,8 @@ class LinesView : public ProgressView {
   std::vector<LastLine> said_;
 };
 
-// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; {"note"} is about the whole command,
+// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}, and per image that is drawn: {"image":
+// {"name", "number", "count"}}; {"note"} is about the whole command,
 // and
 // --verbose has more of them. In a batch "file" comes first, and there are notices, {"file", "notice"}, and ends,
 // {"file", "result"}.
@@ -216,6 +224,12 @@ class JsonView : public ProgressView {
       running_[job].Apply(event);
       json["fraction"] = running_[job].progress.Fraction();
     }
+    Print(json);
+  }
+  void OnImage(std::size_t job, const ImageProgress& progress) override {
+    Json json = Json::object();
+    if (is_batch_) json["file"] = names_[job];
+    json["image"] = {{"name", progress.name}, {"number", progress.number}, {"count", progress.count}};
     Print(json);
   }
   void OnNotice(std::size_t job, const std::string& notice) override {

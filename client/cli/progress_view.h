@@ -10,6 +10,7 @@
 
 #include "client/cli/arguments.h"
 #include "client/cli/batch_table.h"
+#include "client/files/mesh_output.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -25,6 +26,8 @@ class ProgressView {
   virtual void Begin(std::size_t /*job*/) {}
   virtual void OnEvent(std::size_t /*job*/, const Event& /*event*/) {}
   virtual void OnDownload(std::size_t /*job*/, std::int64_t /*received*/, std::int64_t /*total*/) {}
+  // An image of the job's result is drawn next.
+  virtual void OnImage(std::size_t /*job*/, const ImageProgress& /*progress*/) {}
   // Something people should know until the next event of the job.
   virtual void OnNotice(std::size_t /*job*/, const std::string& /*notice*/) {}
   // Something people should know about the whole batch until its end.

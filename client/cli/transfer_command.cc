@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cstdint>
 #include <iostream>
@@ -14,6 +13,7 @@
 
 #include "client/cli/exit_codes.h"
 #include "client/cli/flags.h"
+#include "client/cli/image_work.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
@@ -56,9 +56,10 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
                  "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
       ->check(CLI::Range(0.001, 100.0).description(""))
       ->type_name("PERCENT");
-  AddImageLimits(app, arguments.textures);
+  AddImageFlags(app, arguments.textures);
   AddJson(app, arguments.json);
   AddTerminal(app, arguments.terminal);
+  AddProgress(app, arguments.terminal);
 }
 
 std::string Check(TransferArguments& arguments) {
@@ -178,15 +179,15 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
   TextureArguments limits = arguments.textures;
   limits.textures = Textures::kDrop;  // images of TO are replaced
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
-  std::atomic<bool> is_stopped = false;
-  output.textures.stop = &is_stopped;
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
   if (arguments.texture_size != 0) options.size = arguments.texture_size;
-  interrupts.SetCancel([&is_stopped] { is_stopped = true; });
-  absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
-  interrupts.SetCancel([] {});  // is_stopped goes out of scope
-  if (!projected.ok()) throw ErrorFrom(projected.status());
+  std::optional<ProjectedMesh> projected;
+  DrawImages(arguments.terminal, to.path(), interrupts, {output}, [&](const std::vector<OutputOptions>& watched) {
+    absl::StatusOr<ProjectedMesh> done = ProjectSurface(from.file(), to.file(), watched.front(), options);
+    if (!done.ok()) throw ErrorFrom(done.status());
+    projected = *std::move(done);
+  });
   WriteAll(projected->written.files, interrupts);
   const double missed =
       static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
@@ -216,9 +217,10 @@ int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, con
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
-  const std::vector<OutputOptions> sized =
-      from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
-  const WrittenMesh written = from.WithUv(uv, sized);
+  WrittenMesh written;
+  DrawImages(arguments.terminal, from.path(), interrupts,
+             from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {}),
+             [&](const std::vector<OutputOptions>& watched) { written = from.WithUv(uv, watched); });
   WriteAll(written.files, interrupts);
   Say(arguments, written,
       Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
@@ -232,7 +234,13 @@ int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, con
 }  // namespace
 
 int Run(const TransferArguments& arguments, Interrupts& interrupts) {
-  return arguments.project ? ProjectFile(arguments, interrupts, Timer()) : TransferFile(arguments, interrupts, Timer());
+  const Timer timer;
+  try {
+    return arguments.project ? ProjectFile(arguments, interrupts, timer) : TransferFile(arguments, interrupts, timer);
+  } catch (const Error& error) {
+    if (!interrupts.interrupted()) throw;
+    return Interrupted(arguments.json, error, timer.Seconds());
+  }
 }
 
 }  // namespace planish::cli

@@ -290,7 +290,8 @@ std::string Check(UnwrapArguments& arguments) {
   return FirstProblem({CheckInputs(arguments), CheckStreams(arguments.inputs.All()),
                        arguments.batch ? "" : CheckTexcoord(arguments.texcoord, arguments.inputs.first),
                        CheckPreview(arguments.output.preview), CheckStdout(arguments.output.path, arguments.json),
-                       CheckAtlas(arguments.map), CheckParts(arguments), CheckDetach(arguments)});
+                       CheckPainting(arguments.output.textures), CheckAtlas(arguments.map), CheckParts(arguments),
+                       CheckDetach(arguments)});
 }
 
 }  // namespace planish::cli

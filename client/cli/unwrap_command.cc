@@ -22,9 +22,10 @@ namespace {
 // How long a cancelled job may take to say so before we leave without its word.
 constexpr double kCancelPatienceSeconds = 10;
 
-int Deliver(const UnwrapArguments& arguments, Delivery& delivery, UnwrapResult result, Interrupts& interrupts) {
+int Deliver(const UnwrapArguments& arguments, Delivery& delivery, UnwrapResult result, Interrupts& interrupts,
+            ProgressView& view) {
   const MeshInput& input = delivery.files().input();
-  delivery.Write(result, interrupts, [&] {
+  delivery.Write(result, interrupts, view, [&] {
     if (arguments.picture.empty()) return;
     WriteOutput(arguments.picture, input.Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
   });
@@ -97,7 +98,7 @@ int Run(const UnwrapArguments& arguments, Interrupts& interrupts) {
       error = e;
     }
     interrupts.SetCancel({});
-    End(*view, result.has_value() && !interrupts.interrupted());
+    if (!result || interrupts.interrupted()) End(*view, false);
     if (interrupts.interrupted()) {
       const Error cancelled = Error(ErrorCode::kCancelled, "CANCELLED", "interrupted").set_job(call.job());
       const bool confirmed = result.has_value() || (error && error->code() == ErrorCode::kCancelled);
@@ -106,7 +107,7 @@ int Run(const UnwrapArguments& arguments, Interrupts& interrupts) {
                                   cancelled);
     }
     if (error) return delivery.Fail(*error);
-    return Deliver(arguments, delivery, *std::move(result), interrupts);
+    return Deliver(arguments, delivery, *std::move(result), interrupts, *view);
   } catch (const Error& error) {
     if (view) End(*view, false);
     if (interrupts.interrupted() && error.code() == ErrorCode::kCancelled) {

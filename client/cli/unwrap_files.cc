@@ -163,7 +163,7 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
 }  // namespace
 
 std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result,
-                                                 const std::function<void(const std::string&)>& on_image,
+                                                 const std::function<void(const ImageProgress&)>& on_image,
                                                  const std::stop_token& stop) const {
   for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
   std::int64_t torn = 0;

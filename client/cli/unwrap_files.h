@@ -50,7 +50,7 @@ class UnwrapFiles {
   // writing are added. `on_image` is called before each image is moved. After a stop request nothing is written. Throws
   // FILE_UNWRITABLE, CANCELLED, and errors about images.
   std::vector<OutputFile> WriteResult(UnwrapResult& result,
-                                      const std::function<void(const std::string&)>& on_image = {},
+                                      const std::function<void(const ImageProgress&)>& on_image = {},
                                       const std::stop_token& stop = {}) const;
 
  private:

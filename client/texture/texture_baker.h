@@ -50,6 +50,22 @@ struct BakeOptions {
   // Colours are weighted with their alpha when they are filtered. Otherwise they are filtered each by itself.
   bool premultiplied = false;
   double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
+  // Of kNormal: the new image keeps that scale, for the renderer to undo. False: it is painted in.
+  bool keeps_normal_scale = true;
+  // Each value becomes factor * value + offset: colours in linear light, and their alpha. Colours have no offset.
+  std::array<float, 4> factor = {1, 1, 1, 1}, offset = {0, 0, 0, 0};
+};
+
+using CornerColor = std::array<float, 4>;  // red, green, blue (linear) and alpha
+
+// What Draw() draws. Each list is empty or has three elements a triangle.
+struct TextureGeometry {
+  std::span<const TextureTriangle> triangles;
+  std::span<const CornerFrames> frames = {};  // for kNormal and kDirection
+  std::span<const CornerColor> colors = {};   // the image is multiplied by them
+  // All triangles of the new image, if several sources are drawn into it; `triangles` is a part of this list. A texel
+  // between charts then belongs to the nearest of them all.
+  std::span<const TextureTriangle> all = {};
 };
 
 // Draws sources into a new image, one after the other.
@@ -68,10 +84,9 @@ class TextureBaker {
   // The new image, empty. header.bytes() of memory and a byte a texel, from the first Draw() on.
   TextureBaker(const ImageHeader& header, ThreadTeam* team);
 
-  // Draws `triangles`. `frames`, three a triangle, are for kNormal and kDirection. Takes 8 bytes a texel of the old
-  // image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop is true (null: never).
-  absl::Status Draw(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                    std::span<const CornerFrames> frames, const BakeOptions& options,
+  // Takes 8 bytes a texel of the old image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop
+  // is true (null: never).
+  absl::Status Draw(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                     const std::atomic<bool>* stop = nullptr);
 
   // Fills texels that were not drawn, so that no mipmap shows a background. Each takes the mean of the drawn texels in
@@ -83,8 +98,7 @@ class TextureBaker {
 
  private:
   template <typename Texel>
-  absl::Status DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                        std::span<const CornerFrames> frames, const BakeOptions& options,
+  absl::Status DrawFrom(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                         const std::atomic<bool>* stop);
 
   void MakeImage();
