@@ -5,17 +5,17 @@
 #include <memory>
 #include <utility>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/results.h"
 
 namespace planish::cli {
 
-void DrawImages(const Arguments& arguments, const std::string& name, Interrupts& interrupts,
+void DrawImages(const TerminalArguments& terminal, const std::string& name, Interrupts& interrupts,
                 std::vector<OutputOptions> outputs,
                 const std::function<void(const std::vector<OutputOptions>&)>& work) {
   const std::unique_ptr<ProgressView> view =
-      NewProgressView(arguments, {std::filesystem::path(name).filename()}, /*is_batch=*/false);
+      NewProgressView(terminal, {std::filesystem::path(name).filename()}, /*is_batch=*/false);
   std::atomic<bool> is_stopped = false;
   for (OutputOptions& output : outputs) {
     output.textures.stop = &is_stopped;
@@ -36,9 +36,9 @@ void DrawImages(const Arguments& arguments, const std::string& name, Interrupts&
   if (interrupts.interrupted()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
 }
 
-int Interrupted(const Arguments& arguments, const Error& error, double seconds) {
+int Interrupted(bool json, const Error& error, double seconds) {
   std::cerr << "planish: interrupted; nothing was written\n";
-  if (arguments.json) {
+  if (json) {
     Failure failure = FailureOf(error);
     failure.total_seconds = seconds;
     std::cout << ToText(ReportJson(failure)) << std::flush;

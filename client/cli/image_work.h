@@ -15,10 +15,10 @@ namespace planish::cli {
 
 // Does `work`, which draws the images of `outputs`, shows each of them on the way, and ends with CANCELLED when the
 // first signal comes. `name`: of the file that is worked on. Throws what `work` throws.
-void DrawImages(const Arguments& arguments, const std::string& name, Interrupts& interrupts,
+void DrawImages(const TerminalArguments& terminal, const std::string& name, Interrupts& interrupts,
                 std::vector<OutputOptions> outputs, const std::function<void(const std::vector<OutputOptions>&)>& work);
 
-// The end of a command that was interrupted before it wrote anything: what it says, and its exit code.
-int Interrupted(const Arguments& arguments, const Error& error, double seconds);
+// Ends a command that was interrupted before it wrote anything: prints that, and returns the exit code.
+int Interrupted(bool json, const Error& error, double seconds);
 
 }  // namespace planish::cli

@@ -17,16 +17,16 @@ namespace planish {
 
 enum class TextureWrap { kRepeat, kMirror, kClamp };
 
-// How the numbers of a texture are to be read.
+// How the values of a texture are interpreted.
 enum class TextureMeaning {
   kColor,      // colours: filtered in linear light
-  kData,       // numbers: filtered as they are
-  kNormal,     // directions in the tangent frame, as RGB: expressed anew in the frame of the new map
+  kData,       // values that are filtered without conversion
+  kNormal,     // directions in the tangent frame, as RGB: converted to the frame of the new map
   kDirection,  // as kNormal, in the tangent plane, as RG; B is a number (KHR_materials_anisotropy)
 };
 
 // A triangle of the surface in both maps: UV from the upper left corner of the image, v downwards. `from` may be
-// anywhere; what it wraps round to is up to the sampler. `to` lies in [0, 1]; what lies outside is not drawn.
+// anywhere; the sampler decides how it wraps. `to` is in [0, 1]; parts outside are not drawn.
 struct TextureTriangle {
   std::array<Vec2, 3> from, to;
 };
@@ -40,7 +40,7 @@ struct CornerFrames {
 // An image to read from, prepared for filtering.
 struct TextureSource {
   const TextureImage* image = nullptr;
-  TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels as soon as they are no longer needed
+  TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels once they are read
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
   bool nearest = false;  // the sampler magnifies without interpolation: pixels keep their edges
 };
@@ -78,7 +78,7 @@ struct TextureGeometry {
 // the interpolation becomes linear, as renderers draw the old image.
 //
 // Texels beside a chart, up to kRing away, are drawn from the nearest triangle. Samples do not go farther than half an
-// old texel beyond an edge at which either map is cut: what lies there belongs to something else.
+// old texel beyond an edge at which either map is cut: texels there belong to something else.
 class TextureBaker {
  public:
   // The new image, empty. header.bytes() of memory and a byte a texel, from the first Draw() on.
@@ -89,8 +89,8 @@ class TextureBaker {
   absl::Status Draw(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                     const std::atomic<bool>* stop = nullptr);
 
-  // Fills what was not drawn, so that no mipmap shows a background: a texel takes the mean of what was drawn in the
-  // smallest aligned square of 2^k texels round it in which something was. Returns the image; the baker is empty then.
+  // Fills texels that were not drawn, so that no mipmap shows a background. Each takes the mean of the drawn texels in
+  // the smallest aligned square of 2^k texels around it that has any. Returns the image, and leaves the baker empty.
   TextureImage Finish();
 
   // Memory that Draw() takes for an image.
