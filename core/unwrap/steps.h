@@ -83,9 +83,10 @@ struct Charts {
   // Per chart of the segmentation: the one that is its mirror image, maybe itself, -1 where there is none; empty: none
   // has one, and once a chart has been cut.
   std::vector<std::int32_t> image;
-  std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
-  double total_area = 0;      // of the surface
-  double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
+  std::optional<Mirror> mirror;  // by which the surface has both sides cut alike, while seams may move
+  std::vector<char> ignored;     // per face: left out of all promises, having no area; empty: none
+  double total_area = 0;         // of the surface
+  double drawn_area = 0;         // the same with `reduction`, which leaves next to nothing of long needles
   // By atlas (AtlasOf()): what goes into its tiles or, where all have one texel density, the most that goes into those
   // of any atlas. The area is the square of a length that those of charts can be compared with.
   struct AtlasSize {
@@ -175,13 +176,14 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
 
 // With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
 // (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
-// a cancellation.
-absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+// a cancellation. Returns what all seams and charts cost then.
+absl::StatusOr<double> ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
-// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them by all of the above,
-// and those of the other of these. Sets `segmentation` and `image`. Returns whether it has; not for surfaces without
-// such a plane, nor with seams given. `seams`: what `charts->surface` was made with.
-absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them as Segmentation does,
+// and those of the other of these. Sets `segmentation`, `image` and `mirror`; ImproveSeams() keeps both sides alike.
+// Returns the share of the surface that has an image; 0, and does nothing, for surfaces without such a plane and with
+// seams given. `seams`: what `charts->surface` was made with.
+absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
 
 // The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);
