@@ -172,7 +172,7 @@ Segmentation Segmentation::Mirrored(const Surface& surface, const Segmentation& 
   return whole;
 }
 
-// Makes discs of charts that are none: each connected piece of one is a chart, the largest of which keeps the number.
+// Repairs charts that are not discs: each connected piece becomes a disc, and the largest keeps the number.
 void Segmentation::MakeDiscs() {
   PrepareScratch();
   const TriMesh& mesh = *surface_.mesh;

@@ -113,7 +113,7 @@ class Matching {
   static std::uint64_t KeyOf(std::int32_t v, std::int32_t w) {
     return (static_cast<std::uint64_t>(v) << 32) | static_cast<std::uint32_t>(w);
   }
-  // The corner that faces the half-edge from v to w; -1 if there is none.
+  // The corner that faces the half-edge from v to w, or -1.
   std::int32_t Facing(std::int32_t v, std::int32_t w) const {
     const auto it = v < 0 || w < 0 ? by_edge_.end() : by_edge_.find(KeyOf(v, w));
     return it == by_edge_.end() ? -1 : it->second;
@@ -133,7 +133,7 @@ class Matching {
     }
   }
 
-  // The image of a polygon is the one that has the images of all its outer edges, and no more outer edges.
+  // Two polygons match if the outer edges of each are the images of the outer edges of the other.
   void MatchPolygons() {
     constexpr std::int32_t kNone = -1, kUnknown = -2;
     image_of_.assign(num_faces_, kUnknown);
@@ -276,7 +276,7 @@ class Matching {
   std::vector<std::int32_t> same_, image_;
   std::vector<Vec3> image_position_;
   std::unordered_map<std::uint64_t, std::int32_t> by_edge_;  // corners, by the half-edge that they face
-  // Per polygon: its image, -1 if it has none; its number of faces.
+  // Per polygon: its image or -1; its number of faces.
   std::vector<std::int32_t> image_of_, size_;
   Mirror mirror_;
 };

@@ -28,7 +28,7 @@ struct Mirror {
 
 // A plane across an axis, through the middle of the box round the mesh or through its centre of area, for which 90 % of
 // the area has an image: the best of these planes. Vertices may be off by a thousandth of the diagonal. `polygon`, per
-// face (empty: every face is one): a polygon has an image as a whole, whatever its diagonals, or none. O(n log n).
+// face (empty: every face is one): polygons match as a whole, even with other diagonals. O(n log n).
 std::optional<Mirror> FindMirror(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
                                  const Execution& execution = {});
 

@@ -108,7 +108,7 @@ class SeamSearch {
     }
   }
 
-  // Charts that are glued at once, and what they were before.
+  // Charts that are glued together, and their state before.
   struct Glued {
     std::vector<Segmentation::Joined> joined;
     std::vector<std::array<double, 2>> areas;
@@ -125,7 +125,7 @@ class SeamSearch {
     return true;
   }
 
-  // What the chart costs as it is now; nothing if it cannot stay so.
+  // The cost of the chart now; nothing if its map is not sound.
   std::optional<double> Estimate(std::int32_t i, Glued* glued) {
     glue_left_ -= static_cast<double>(segmentation_.charts()[i].size());
     glued->estimates.emplace_back(i, estimates_.Replace(i));
@@ -146,7 +146,7 @@ class SeamSearch {
 
   std::int32_t ImageOf(std::int32_t i) const { return charts_.image.empty() ? -1 : charts_.image[i]; }
 
-  // The half-edge that is the mirror image of another one: its face is, too. Invalid if there is none.
+  // The mirror image of a half-edge, whose face is the image of its face; maybe invalid.
   HalfedgeHandle ImageOf(HalfedgeHandle h) const {
     const TriMesh& mesh = *surface_.mesh;
     const HalfedgeHandle o = mesh.opposite_halfedge_handle(h);
@@ -156,7 +156,7 @@ class SeamSearch {
     return image.is_valid() && mesh.is_boundary(image) ? HalfedgeHandle() : image;
   }
 
-  // The mirror image of consecutive half-edges, which runs the other way; empty if one of them has none.
+  // The mirror image of consecutive half-edges, which runs the other way; empty if an edge has no image.
   std::vector<HalfedgeHandle> ImageOf(std::span<const HalfedgeHandle> path) const {
     std::vector<HalfedgeHandle> image;
     for (std::size_t i = path.size(); i-- > 0;) {
@@ -180,7 +180,7 @@ class SeamSearch {
   }
   std::int32_t ChartAcross(HalfedgeHandle h) const { return segmentation_.chart()[surface_.face_across(h)]; }
 
-  // These half-edges as a border of charts i and j, as it is now; nothing if they are none.
+  // These half-edges as a border of charts i and j; nothing if they do not lie between the two.
   std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j,
                                               std::vector<HalfedgeHandle> border) const {
     if (border.empty() || surface_.face_across(border.front()) < 0) return std::nullopt;
@@ -320,8 +320,8 @@ class SeamSearch {
            (tried.chart == i && tried.other == j && tried.versions == Versions(i, j));
   }
 
-  // What is moved at once: a seam, and with it its mirror image; the charts beside them, each once, and their estimates
-  // before that.
+  // A seam that is moved, together with its mirror image. `charts` are the charts beside them; `before` are their
+  // estimates before the move.
   struct Moved {
     struct Part {
       std::int32_t chart, other;

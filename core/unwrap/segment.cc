@@ -96,8 +96,8 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
 // What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
 constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
-// Where less of the surface has a mirror image, and on small surfaces, charts are made without the image, too. Both
-// sides are cut alike if that costs at most so many times as much (charts/seam_cost.h).
+// Where less of the surface has a mirror image, and on small surfaces, charts are also made without symmetry. Both
+// sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost without symmetry.
 constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5;
 constexpr std::int32_t kSmall = 2'000;  // faces: the second search takes little time
 
