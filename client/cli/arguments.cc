@@ -1,339 +1,335 @@
 #include "client/cli/arguments.h"
 
 #include <algorithm>
-#include <cmath>
+#include <charconv>
 #include <cstddef>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <optional>
-#include <sstream>
 #include <system_error>
-#include <vector>
 
-#include "CLI/CLI.hpp"
-#include "client/cli/argument_checks.h"
-#include "client/cli/commands.h"
 #include "client/cli/flags.h"
-#include "core/base/command_pages.h"
-#include "planish/client.h"
+#include "client/files/mesh_file.h"
 
 namespace planish::cli {
 namespace {
 
-ManFrame ManPage() {
-  return {1, "User Commands", R"(.SH SYNOPSIS
-.B planish unwrap
-.I IN
-.B \-o
-.I OUT
-.RI [ OPTIONS ]
-.br
-.B planish
-.I COMMAND
-.RI [ OPTIONS ]
-.SH DESCRIPTION
-.B planish
-sends triangle meshes to a
-.BR planishd (8)
-server, shows the progress of their unwrapping, and writes the texture coordinates into a copy of the file. Without
-.B \-\-server
-it starts a private server for the life of the command.
-.PP
-Results go to standard output, what is for people to standard error.
-)",
-          R"(.SH ENVIRONMENT
-.TP
-.B PLANISH_SERVER
-The server, where
-.B \-\-server
-does not name one.
-.TP
-.BR PLANISH_TLS ", " PLANISH_TLS_CA ", " PLANISH_TLS_CERT ", " PLANISH_TLS_KEY ", " PLANISH_TOKEN ", " PLANISH_TOKEN_FILE
-How to reach it safely, and as whom, where flags do not say so.
-.TP
-.B PLANISH_CONFIG
-The configuration file; empty: none.
-.TP
-.BR NO_COLOR ", " TERM
-Whether standard error gets colours and bars.
-.SH CONFIGURATION
-The file that
-.B PLANISH_CONFIG
-names, or
-.I $XDG_CONFIG_HOME/planish.toml
-(without that variable
-.IR ~/.config/planish.toml ),
-holds flags that are added to every call which does not have them: names without dashes, for all commands that have such a flag, or
-below the name of a command for that one.
-.PP
-.nf
-server = "farm:7741"
-color = "never"
-[unwrap]
-texture\-size = 2048
-[jobs.list]
-limit = 10
-.fi
-.PP
-Flags go over variables, and variables over the file.
-.SH FILES
-.TP
-.I ~/.config/planish.toml
-Settings for every call, see CONFIGURATION.
-.TP
-.I OUT/.planish\-batch.json
-What a batch has done, by which the same command goes on where it ended.
-.SH EXIT STATUS
-.TP
-.B 0
-A usable map, or whatever else was asked for.
-.TP
-.B 1
-The job failed, or its map is not usable (it is written all the same).
-.TP
-.B 2
-Bad usage, or input that cannot be read.
-.TP
-.B 3
-The server cannot be reached, or its queue is full.
-.TP
-.B 130
-Interrupted. The first Ctrl\-C cancels the job on the server, a second one leaves at once.
-.SH SEE ALSO
-.BR planishd (8)
-)"};
-}
-
-constexpr char kExamples[] = R"(Examples:
-  planish unwrap face.obj -o face_uv.obj             unwrap a mesh; starts a server of its own
-  planish unwrap face.ply -o face.obj --json         and print the report as JSON
-  planish unwrap face.obj -o uv.obj --server=farm:7741
-  planish unwrap props/ hero.glb -o done/            every mesh in there, a job and an output each
-  planish unwrap big.obj --detach --server=farm:7741
-  planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fit
-  planish check hero.glb --require=no-overlap        judges its UV, whoever made them
-  planish report before.glb after.glb -o compare.html  a page that shows both maps, opened from disk
-  planish inspect scan.stl                           what is wrong with it, and what unwrap would do
-  planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
-  planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
-
-Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
-3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
-
-// ---- Suggestions
-
-// Letters to add, take away, replace or swap with the next one, to make `b` of `a`.
-std::size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<std::vector<std::size_t>> cost(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i) {
-    for (std::size_t j = 0; j <= b.size(); ++j) {
-      if (i == 0 || j == 0) {
-        cost[i][j] = i + j;
-        continue;
-      }
-      cost[i][j] = std::min({cost[i - 1][j] + 1, cost[i][j - 1] + 1, cost[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
-        cost[i][j] = std::min(cost[i][j], cost[i - 2][j - 2] + 1);
-      }
-    }
-  }
-  return cost[a.size()][b.size()];
-}
-
-// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty: none.
-std::string Nearest(const std::string& word, const std::vector<std::string>& names) {
-  std::string nearest;
-  std::size_t least = word.size() / 3 + 1;
-  for (const std::string& name : names) {
-    if (const std::size_t distance = EditDistance(word, name); distance < least) least = distance, nearest = name;
-  }
-  return nearest;
-}
-
-// "Did you mean unwrap?" for the first command or flag that there is not; empty if nothing is like it.
-std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) {
-  const CLI::App* app = &root;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    std::vector<std::string> names;
-    if (word.starts_with("--")) {
-      for (const CLI::Option* option : app->get_options()) {
-        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-      }
-    } else if (!word.starts_with("-")) {
-      for (const CLI::App* command : app->get_subcommands(nullptr)) names.push_back(command->get_name());
-    }
-    const std::string name = word.substr(0, word.starts_with("--") ? word.find('=') : word.npos);
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      const std::string nearest = Nearest(name, names);
-      if (!nearest.empty()) return "Did you mean " + nearest + "?\n";
-    } else if (!name.starts_with("-")) {
-      app = app->get_subcommand(name);
-    }
-  }
-  return "";
-}
-
-// ---- The command line, and the configuration file under it
-
-// To CLI11 "nan" is a number within every range.
-void RefuseNan(CLI::App& app) {
-  const auto is_number = [](const std::string& text) -> std::string {
-    double number = 0;
-    const bool is_nan = CLI::detail::lexical_cast(text, number) && std::isnan(number);
-    return is_nan ? "Value " + text + " is not a number" : "";
-  };
-  for (CLI::Option* option : app.get_options()) {
-    const std::string type = option->get_type_name();
-    if (type == "FLOAT" || type == "SECONDS" || type == "N" || type == "X") {
-      option->check(CLI::Validator(is_number, ""));
-    }
-  }
-  for (CLI::App* command : app.get_subcommands(nullptr)) RefuseNan(*command);
-}
-
-struct CommandLine {
-  Arguments arguments;
-  CLI::App app{"Unwraps triangle meshes by Angle Based Flattening", "planish"};
-
-  CommandLine() {
-    AddHelp(app);
-    app.require_subcommand(1);
-    DefineUnwrap(app, arguments);
-    DefineMapCommands(app, arguments);
-    DefineServerCommands(app, arguments);
-    RefuseNan(app);
-    app.footer(kExamples);  // now, or every command would have it
-    app.set_version_flag(
-        "--version", [] { return std::string("planish ") + Version(); }, "Print the version and exit");
-    AddGenerate(app, Version(), ManPage());
-  }
-  CommandLine(const CommandLine&) = delete;
-  CommandLine& operator=(const CommandLine&) = delete;
-};
-
-// The file that PLANISH_CONFIG names, or planish.toml in the user's directory for configurations; empty: none.
-std::string ConfigPath() {
-  const auto variable = [](const char* name) -> std::string {
-    const char* const value = std::getenv(name);
-    return value == nullptr ? "" : value;
-  };
-  if (std::getenv("PLANISH_CONFIG") != nullptr) return variable("PLANISH_CONFIG");
-  std::string directory = variable("XDG_CONFIG_HOME");
-  if (directory.empty() && !variable("HOME").empty()) directory = variable("HOME") + "/.config";
-  std::error_code ignored;
-  const std::string path = directory + "/planish.toml";
-  return !directory.empty() && std::filesystem::exists(path, ignored) ? path : "";
-}
-
-// "jobs.list" in [jobs.list] or before a dot: the path of a command. Null: there is none of that name.
-const CLI::App* FindCommand(const CLI::App& root, const std::vector<std::string>& path) {
-  const CLI::App* app = &root;
-  for (const std::string& name : path) {
-    const std::vector<const CLI::App*> found =
-        app->get_subcommands([&](const CLI::App* each) { return each->get_name() == name; });
-    if (found.empty()) return nullptr;
-    app = found.front();
-  }
-  return app;
-}
-
-// Whether `app` or a command below it has the flag.
-bool AnyHas(const CLI::App& app, const std::string& flag) {
-  if (app.get_option_no_throw(flag) != nullptr) return true;
-  const std::vector<const CLI::App*> commands = app.get_subcommands([](const CLI::App*) { return true; });
-  return std::any_of(commands.begin(), commands.end(), [&](const CLI::App* each) { return AnyHas(*each, flag); });
-}
-
-// Whether the command line, or the environment, decided on the option or on one that excludes it.
-bool IsDecided(CLI::Option& option) {
-  if (option.count() > 0) return true;
-  if (!option.get_envname().empty() && std::getenv(option.get_envname().c_str()) != nullptr) return true;
-  const std::set<CLI::Option*>& others = option.get_excludes();
-  return std::any_of(others.begin(), others.end(), [](const CLI::Option* other) { return other->count() > 0; });
-}
-
-// The flags that the file adds to a command line that was parsed. Throws CLI::ParseError, with the reason.
-std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) {
-  std::ifstream file(path);
-  if (!file) throw CLI::FileError::Missing(path);
-  CLI::App* chosen = &root;
-  std::vector<std::string> chosen_path;
-  while (!chosen->get_subcommands().empty()) {
-    chosen = chosen->get_subcommands().front();
-    chosen_path.push_back(chosen->get_name());
-  }
-  std::vector<std::string> own, common;  // the command's own section goes over what is said for all
-  for (const CLI::ConfigItem& item : CLI::ConfigTOML().from_config(file)) {
-    if (item.name == "++" || item.name == "--") continue;  // a section begins or ends
-    const std::string flag = "--" + item.name;
-    const CLI::App* const section = FindCommand(root, item.parents);
-    if (section == nullptr) throw CLI::ConfigError("there is no command " + CLI::detail::join(item.parents, " "));
-    if (item.parents.empty() ? !AnyHas(root, flag) : section->get_option_no_throw(flag) == nullptr) {
-      throw CLI::ConfigError("there is no flag " + flag +
-                             (item.parents.empty() ? "" : " of " + CLI::detail::join(item.parents, " ")));
-    }
-    if (!item.parents.empty() && item.parents != chosen_path) continue;
-    CLI::Option* const option = chosen->get_option_no_throw(flag);
-    if (option == nullptr || IsDecided(*option)) continue;
-    std::vector<std::string>& flags = item.parents.empty() ? common : own;
-    for (const std::string& value : item.inputs) flags.push_back(flag + "=" + value);
-  }
-  const auto name = [](const std::string& flag) { return flag.substr(0, flag.find('=')); };
-  for (const std::string& flag : common) {
-    if (std::none_of(own.begin(), own.end(), [&](const std::string& other) { return name(other) == name(flag); })) {
-      own.push_back(flag);
-    }
-  }
-  return own;
-}
-
-// What to print and to exit with for a command line that is over, or wrong.
-ParsedArguments Ended(const CommandLine& line, const CLI::ParseError& error, int argc, const char* const* argv) {
-  ParsedArguments parsed;
-  std::ostringstream out, err;
-  parsed.exit_code = line.app.exit(error, out, err) == 0 ? kOk : kUsage;
-  parsed.out = out.str();
-  parsed.err = parsed.exit_code == kOk ? "" : "planish: " + err.str() + Suggestion(line.app, argc, argv);
-  return parsed;
+void AddSecurity(CLI::App& app, ServerArguments& server) {
+  app.add_flag("--tls", server.tls, "Encrypt, and ask the server for a certificate that this system trusts")
+      ->envname("PLANISH_TLS");
+  app.add_option("--tls-ca", server.tls_ca_file, "The same, signed by one of these")
+      ->envname("PLANISH_TLS_CA")
+      ->type_name("PEM");
+  app.add_option("--tls-cert", server.tls_cert_file, "Certificate of your own, for servers that ask for one")
+      ->envname("PLANISH_TLS_CERT")
+      ->type_name("PEM");
+  app.add_option("--tls-key", server.tls_key_file, "Its key")->envname("PLANISH_TLS_KEY")->type_name("PEM");
+  app.add_option("--tls-server-name", server.tls_server_name, "What the server's certificate is for [the host]")
+      ->envname("PLANISH_TLS_SERVER_NAME")
+      ->type_name("NAME");
+  app.add_option("--token-file", server.token_file, "Token that says who you are; or the token itself in PLANISH_TOKEN")
+      ->envname("PLANISH_TOKEN_FILE")
+      ->type_name("FILE");
+  app.add_flag("--token-over-plaintext", server.token_over_plaintext,
+               "Send it to another machine even without TLS, for everybody on the way to read");
 }
 
 }  // namespace
 
-ParsedArguments ParseArguments(int argc, const char* const* argv) {
-  auto line = std::make_unique<CommandLine>();
-  try {
-    line->app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return Ended(*line, error, argc, argv);
+const char* ToString(ColorMode mode) {
+  switch (mode) {
+    case ColorMode::kAuto:
+      return "auto";
+    case ColorMode::kAlways:
+      return "always";
+    case ColorMode::kNever:
+      return "never";
   }
-  if (const std::string config = ConfigPath(); !config.empty()) {
-    ParsedArguments parsed;
-    try {
-      std::vector<std::string> words(argv + 1, argv + argc);
-      const std::vector<std::string> added = FlagsOfConfig(config, line->app);
-      words.insert(std::find(words.begin(), words.end(), "--"), added.begin(), added.end());
-      std::reverse(words.begin(), words.end());
-      line = std::make_unique<CommandLine>();
-      line->app.parse(std::move(words));
-    } catch (const CLI::ParseError& error) {
-      parsed.exit_code = kUsage;
-      parsed.err = "planish: " + config + ": " + error.what() + "\n";
-      return parsed;
-    }
+  return "";
+}
+
+const char* ToString(ProgressMode mode) {
+  switch (mode) {
+    case ProgressMode::kAuto:
+      return "auto";
+    case ProgressMode::kBar:
+      return "bar";
+    case ProgressMode::kPlain:
+      return "plain";
+    case ProgressMode::kJson:
+      return "json";
+    case ProgressMode::kNone:
+      return "none";
   }
-  ParsedArguments parsed;
-  if (const std::string problem = CheckTogether(line->arguments); !problem.empty()) {
-    parsed.exit_code = kUsage;
-    parsed.err = "planish: " + problem + "\n";
-    return parsed;
+  return "";
+}
+
+const char* ToString(Textures textures) {
+  switch (textures) {
+    case Textures::kTransfer:
+      return "transfer";
+    case Textures::kKeep:
+      return "keep";
+    case Textures::kDrop:
+      return "drop";
   }
-  parsed.arguments = line->arguments;
-  if (parsed.arguments->quiet && parsed.arguments->progress == ProgressMode::kAuto) {
-    parsed.arguments->progress = ProgressMode::kNone;
+  return "";
+}
+
+void AddLabels(CLI::App& app, std::map<std::string, std::string>& labels, const std::string& description) {
+  app.add_option_function<std::vector<std::string>>(
+         "--label",
+         [&labels](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) {
+             const std::size_t equals = text.find('=');
+             if (equals == std::string::npos || equals == 0) {
+               throw CLI::ValidationError("--label", text + " is not of the form KEY=VALUE");
+             }
+             labels[text.substr(0, equals)] = text.substr(equals + 1);
+           }
+         },
+         description)
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+}
+
+void AddServer(CLI::App& app, ServerArguments& server, const std::string& otherwise) {
+  app.add_option("--server", server.address, "host:port or unix:/path; " + otherwise)
+      ->envname("PLANISH_SERVER")
+      ->type_name("ADDR");
+  const std::string group = app.option_defaults()->get_group();
+  app.option_defaults()->group("Security");
+  AddSecurity(app, server);
+  app.option_defaults()->group(group);
+}
+
+void AddJson(CLI::App& app, bool& json) {
+  app.add_flag("--json", json, "Print one JSON object on stdout");
+}
+
+void AddTerminal(CLI::App& app, TerminalArguments& terminal) {
+  app.option_defaults()->group("Terminal");
+  app.add_flag("-q,--quiet", terminal.quiet, "Say nothing on stderr but what went wrong; the exit code says the rest");
+  Choices<ColorMode>{{ColorMode::kAuto, ColorMode::kAlways, ColorMode::kNever}}.AddTo(
+      app, "--color", terminal.color, "Colours on stderr; auto: on a terminal, unless NO_COLOR is set [auto]");
+}
+
+void AddProgress(CLI::App& app, TerminalArguments& terminal) {
+  Choices<ProgressMode>{
+      {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
+      .AddTo(app, "--progress", terminal.progress,
+             "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file; "
+             "with --verbose as plain)");
+  app.add_flag("-v,--verbose", terminal.verbose,
+               "Say on stderr which server answers and what is sent, and of the result also the seconds of each stage, "
+               "memory, charts and every warning")
+      ->excludes("--quiet");
+}
+
+void AddOutput(CLI::App& app, std::string& path, bool takes_batch) {
+  app.add_option("-o,--output", path,
+                 std::string("Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or "
+                             ".drc; - is stdout; a directory keeps the name") +
+                     (takes_batch ? ", and takes a batch" : ""))
+      ->type_name("OUT");
+}
+
+void AddPreview(CLI::App& app, std::string& preview) {
+  app.add_option(
+         "--preview", preview,
+         "Draw the layout alone, tile by tile, blue where the map shrinks the surface and red where it enlarges it")
+      ->type_name("PNG|SVG");
+}
+
+void AddTimeout(CLI::App& app, double& seconds, const std::string& description) {
+  app.add_option("--timeout", seconds, description)
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+}
+
+void AddTexcoord(CLI::App& app, int& texcoord) {
+  app.add_option("--texcoord", texcoord, "Which set of UV of a glTF is read, TEXCOORD_N, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord) {
+  app.add_option_function<int>(
+         "--output-texcoord", [&texcoord](const int& n) { texcoord = n; },
+         "Which set the new UV become; others stay as they are [that of --texcoord]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+void AddTextures(CLI::App& app, TextureArguments& textures) {
+  Choices<Textures>{{Textures::kTransfer, Textures::kKeep, Textures::kDrop}}.AddTo(
+      app, "--textures", textures.textures,
+      "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
+      "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
+  AddImageFlags(app, textures);
+}
+
+void AddImageFlags(CLI::App& app, TextureArguments& textures) {
+  app.add_flag("--merge-materials", textures.merge_materials,
+               "glTF: materials that differ only in images and factors become one, with one set of images and one "
+               "primitive a mesh");
+  app.add_option_function<std::string>(
+         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
+         "Paint this into an image of base colours: colors, those of the vertices [nothing]")
+      ->check(CLI::IsMember({"colors"}).description(""))
+      ->type_name("colors");
+  app.add_option("--memory", textures.memory_mb,
+                 "Megabytes that moving one image may take at most [half of the machine's]")
+      ->check(CLI::Range(1, 1 << 24).description(""))
+      ->type_name("MB");
+  app.add_flag("--allow-outside", textures.allow_outside,
+               "Read images that do not lie in the folder of the model as well");
+}
+
+void AddScheduling(CLI::App& app, Scheduling& scheduling) {
+  app.add_option_function<std::string>(
+         "--priority",
+         [&scheduling](const std::string& name) {
+           for (const Priority priority : {Priority::kLow, Priority::kNormal, Priority::kHigh}) {
+             if (name == ToString(priority)) scheduling.priority = priority;
+           }
+         },
+         "Which waiting job is next: high counts as 10 minutes older, low as 10 minutes younger [normal]")
+      ->check(CLI::IsMember({"low", "normal", "high"}).description(""))
+      ->type_name("low|normal|high");
+  app.add_option_function<double>(
+         "--deadline", [&scheduling](const double& seconds) { scheduling.timeout = Seconds(seconds); },
+         "The server fails the job if it has not ended so long after it was accepted, time in the queue included")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+  app.add_option_function<double>(
+         "--budget", [&scheduling](const double& seconds) { scheduling.compute_budget = Seconds(seconds); },
+         "The server stops the job when it has run for so long, and delivers the best map that there is then")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+  app.add_flag("--fresh", scheduling.fresh,
+               "The server computes anew even if it has kept the result for this mesh and these options");
+}
+
+ClientOptions WithServer(ClientOptions options, const ServerArguments& server) {
+  options.tls = server.tls;
+  options.tls_ca_file = server.tls_ca_file;
+  options.tls_cert_file = server.tls_cert_file;
+  options.tls_key_file = server.tls_key_file;
+  options.tls_server_name = server.tls_server_name;
+  options.token_file = server.token_file;
+  options.token_over_plaintext = server.token_over_plaintext;
+  const char* token = std::getenv("PLANISH_TOKEN");
+  if (token != nullptr && server.token_file.empty()) options.token = token;
+  return options;
+}
+
+namespace {
+
+// "skin=2"; the name may have equals signs.
+void AddMaterialWeight(const std::string& text, std::map<std::string, double>* material_weights) {
+  const std::size_t equals = text.rfind('=');
+  double weight = 0;
+  if (equals != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data() + equals + 1, end, weight);
+    if (error != std::errc() || rest != end) weight = 0;
   }
-  return parsed;
+  if (!(weight >= 0.01 && weight <= 100)) {
+    throw CLI::ValidationError("--weight", text + " is not MATERIAL=X with X from 0.01 to 100");
+  }
+  (*material_weights)[text.substr(0, equals)] = weight;
+}
+
+}  // namespace
+
+void AddWeights(CLI::App& app, std::map<std::string, double>& material_weights, const std::string& pieces) {
+  app.add_option_function<std::vector<std::string>>(
+         "--weight",
+         [&material_weights](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) AddMaterialWeight(text, &material_weights);
+         },
+         "So many times the texels per length for the " + pieces +
+             " of a material, 0.01 to 100; several times for several")
+      ->type_name("MATERIAL=X");
+}
+
+void AddTileSize(CLI::App& app, int& texture_size) {
+  app.add_option("--texture-size", texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+}
+
+void AddTiles(CLI::App& app, int& tiles) {
+  app.add_option("--tiles", tiles, "Tiles (UDIM 1001, 1002, ...) that charts may lie in, to 100 [1]")
+      ->check(CLI::Range(1, 100).description(""))
+      ->type_name("N");
+}
+
+std::vector<std::string> InputArguments::All() const {
+  std::vector<std::string> all = {first};
+  all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
+// ---- Checks
+
+std::string FirstProblem(std::initializer_list<std::string> problems) {
+  for (const std::string& problem : problems) {
+    if (!problem.empty()) return problem;
+  }
+  return "";
+}
+
+std::string CheckTexcoord(int texcoord, const std::string& input) {
+  const std::optional<MeshFormat> format = FormatOfPath(input);
+  const bool is_gltf = format == MeshFormat::kGltf || format == MeshFormat::kGlb;
+  if (texcoord == 0 || input.empty() || IsStream(input) || is_gltf) return "";
+  return "--texcoord=" + std::to_string(texcoord) + ": " + input +
+         " is no glTF; other formats have one set of UV, number 0";
+}
+
+std::string CheckStreams(const std::vector<std::string>& inputs) {
+  return std::count(inputs.begin(), inputs.end(), "-") > 1 ? "- (standard input) can be read once only" : "";
+}
+
+std::string CheckPreview(const std::string& preview) {
+  if (preview.empty() || preview.ends_with(".png") || preview.ends_with(".svg")) return "";
+  return "--preview=" + preview + ": the name must end in .png or .svg";
+}
+
+std::string CheckStdout(const std::string& output, bool json) {
+  if (output != "-" || !json) return "";
+  return "-o - and --json both want stdout; write the mesh to a file, or leave --json out";
+}
+
+std::string CheckPainting(const TextureArguments& textures) {
+  if (textures.textures == Textures::kTransfer) return "";
+  const std::string given = std::string("--textures=") + ToString(textures.textures);
+  if (textures.merge_materials) return "--merge-materials draws images anew, and " + given + " does not";
+  if (textures.bake_colors) return "--bake draws an image, and " + given + " draws none";
+  return "";
+}
+
+namespace {
+
+// "For example: planish unwrap in.stl -o in_uv.obj (or -o - for stdout)"
+std::string OutputExample(const std::string& command, const std::string& input) {
+  if (input == "-") return "For example: planish " + command + " - -o out.obj (or -o - for stdout)";
+  const std::size_t dot = std::min(input.rfind('.'), input.size());
+  const std::string extension = input.substr(dot);
+  return "For example: planish " + command + " " + input + " -o " + input.substr(0, dot) + "_uv" +
+         (extension == ".stl" || extension.empty() ? ".obj" : extension) + " (or -o - for stdout)";
+}
+
+}  // namespace
+
+std::string CheckDestination(const std::string& output, const std::string& command, const std::string& input) {
+  return output.empty() ? "where should the result go? " + OutputExample(command, input) : "";
+}
+
+bool IsDirectory(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(path, ignored);
 }
 
 }  // namespace planish::cli

@@ -8,26 +8,27 @@
 #include "client/cli/batch_job.h"
 #include "client/cli/batch_plan.h"
 #include "client/cli/batch_table.h"
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
 #include "client/cli/text.h"
+#include "client/cli/unwrap_arguments.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
 namespace {
 
-// How long a server may be away, to be restarted for instance, before the batch ends without it.
+// How long the batch waits for a server that went away, for instance to restart.
 constexpr double kServerPatienceSeconds = 30;
 
-ServerNeeds NeedsOf(const Arguments& arguments, const BatchPlan& plan) {
+ServerNeeds NeedsOf(const UnwrapArguments& arguments, const BatchPlan& plan) {
   ServerNeeds needs;
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
   needs.workers = static_cast<int>(std::min<std::size_t>(cores, plan.items.size()));
-  needs.threads = arguments.options.threads;
-  // The batch asks again for as long as it takes.
+  needs.threads = arguments.map.options.threads;
+  // The batch retries without limit.
   needs.client.queue_full_timeout = Seconds(arguments.detach ? 0 : 1e9);
   return needs;
 }
@@ -57,12 +58,12 @@ std::vector<SheetRow> SheetRows(const BatchPlan& plan, const std::vector<BatchRo
   return sheet;
 }
 
-int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
+int RunPlan(const UnwrapArguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
   const Timer timer;
-  if (!arguments.quiet) std::cerr << SkippedText(plan);
-  MakeDirectory(arguments.output);
-  BatchState state(arguments.output);
-  ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
+  if (!arguments.terminal.quiet) std::cerr << SkippedText(plan);
+  MakeDirectory(arguments.output.path);
+  BatchState state(arguments.output.path);
+  ServerChoice server(arguments.server, interrupts, NeedsOf(arguments, plan));
   const Capabilities capabilities = server.client().GetCapabilities();
 
   std::optional<ReportSheet> sheet;
@@ -83,8 +84,8 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   options.print_json = arguments.json;
   std::vector<std::string> names;
   for (const BatchItem& item : plan.items) names.push_back(item.name);
-  const std::unique_ptr<ProgressView> view = NewProgressView(arguments, names, /*is_batch=*/true);
-  if (arguments.verbose) view->Say(Printable(server.Description(), true));
+  const std::unique_ptr<ProgressView> view = NewProgressView(arguments.terminal, names, /*is_batch=*/true);
+  if (arguments.terminal.verbose) view->Say(Printable(server.Description(), true));
   BatchRun run(context, plan, options, *view);
   interrupts.SetCancel([&]() {
     view->OnNotice(arguments.detach ? "interrupted" : "cancelling what is in flight; Ctrl-C again leaves at once");
@@ -99,11 +100,11 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   try {
     if (sheet) sheet->Write(SheetRows(plan, rows));
   } catch (const Error& error) {
-    // The meshes are written all the same.
+    // The meshes are written even so.
     std::cerr << ErrorText(error, "", StderrTerminal());
     if (exit_code == kOk) exit_code = kFailed;
   }
-  if (!arguments.quiet || exit_code != kOk) {
+  if (!arguments.terminal.quiet || exit_code != kOk) {
     std::cerr << BatchTable(rows, totals, StderrTerminal()) << NextStep(totals, run, interrupts.interrupted());
   }
   if (arguments.json) std::cout << ToLine(SummaryJson(totals, plan, exit_code)) + "\n" << std::flush;
@@ -112,13 +113,13 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
 
 }  // namespace
 
-int RunBatch(const Arguments& arguments, Interrupts& interrupts) {
+int RunBatch(const UnwrapArguments& arguments, Interrupts& interrupts) {
   BatchPlan plan;
   try {
-    plan = PlanBatch(arguments);
-    return Run(arguments, interrupts, plan);
+    plan = PlanBatch({arguments.inputs.All(), arguments.output.path, arguments.format, arguments.texcoord});
+    return RunPlan(arguments, interrupts, plan);
   } catch (const Error& error) {
-    // Nothing was tried.
+    // The batch failed before it tried a file.
     const int exit_code = ExitCodeOf(error);
     std::cerr << ErrorText(error, "", StderrTerminal());
     if (arguments.json) {

@@ -16,6 +16,7 @@
 #include "client/cli/batch_plan.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"
+#include "client/cli/unwrap_arguments.h"
 #include "client/cli/unwrap_files.h"
 #include "core/base/random_id.h"
 #include "core/base/sha256.h"
@@ -24,9 +25,9 @@
 namespace planish::cli {
 namespace {
 
-// A job that waited for less found an idle worker.
+// A job with a shorter wait found an idle worker.
 constexpr double kIdleSeconds = 0.005;
-// Threads of this command; a server with more workers is kept busy by several commands.
+// Most threads of this command. It takes several commands to keep a server with more workers busy.
 constexpr int kMostThreads = 256;
 
 int Spare(int workers) {
@@ -71,7 +72,7 @@ void BatchFlight::Stop() {
 
 void BatchFlight::OnQueueFull() {
   const std::lock_guard lock(mutex_);
-  // Those that wait for room in the queue are in memory for nothing.
+  // Files that wait for room in the queue use memory to no purpose.
   limit_ = std::max(1, std::min(limit_, in_flight_) - 1);
 }
 
@@ -124,15 +125,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a job kept a worker busy for.
+// The time that a job kept a worker busy.
 Seconds WorkTime(const StageTimes& times) {
   return times.decode + times.charts + times.solve + times.layout + times.pack + times.verify + times.encode;
 }
 
 class BatchJob {
  public:
-  BatchJob(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks)
-      : context_(context), arguments_(context.arguments), item_(item), callbacks_(callbacks) {
+  BatchJob(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+           const std::function<void(const ImageProgress&)>& on_image)
+      : context_(context), arguments_(context.arguments), item_(item), callbacks_(callbacks), on_image_(on_image) {
     end_.row.name = item.name;
   }
 
@@ -159,13 +161,14 @@ class BatchJob {
     std::string job, request_id;
     if (const auto known = context_.state.Find(item_.key); known && known->IsOf(record_) && !arguments_.again) {
       if (context_.state.IsIntact(*known)) return Keep(*known);
-      if (known->queued && known->server == arguments_.server) job = known->job;
-      // The run before ended between the question and the answer: the same question brings the same job.
-      if (known->server == arguments_.server) request_id = known->request_id;
+      if (known->queued && known->server == arguments_.server.address) job = known->job;
+      // The previous run ended between request and response. The same request id returns the same job.
+      if (known->server == arguments_.server.address) request_id = known->request_id;
     }
     MakeDirectory(fs::path(item_.output).parent_path());
-    files_.emplace(std::vector<std::string>{item_.input}, arguments_, item_.output, item_.texcoord,
-                   arguments_.output_texcoord);
+    OutputArguments output = arguments_.output;
+    output.path = item_.output;
+    files_.emplace(std::vector<std::string>{item_.input}, item_.texcoord, arguments_.map, output);
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
     if (!job.empty()) {
@@ -174,19 +177,19 @@ class BatchJob {
     if (arguments_.detach) return Queued(Queue(request_id.empty() ? NewUuid() : request_id));
     CallOptions call = Call();
     call.request_id = request_id;
-    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, call), false);
+    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.map.options), callbacks_, call), false);
   }
 
   CallOptions Call() const {
     CallOptions call;
     call.scheduling = arguments_.scheduling;
-    call.labels = JobLabels(arguments_, item_.name);
+    call.labels = JobLabels(arguments_.labels, item_.name);
     call.timeout = Seconds(arguments_.timeout_seconds);
     call.stop = context_.stop;
     return call;
   }
 
-  // Whether a queued job needs no more waiting; forgets one that the server does not know any more.
+  // Whether a queued job has ended. Clears `job` if the server no longer knows it.
   bool HasEnded(std::string* job) {
     try {
       return IsTerminal(context_.client.GetJob(*job).state);
@@ -197,7 +200,7 @@ class BatchJob {
     }
   }
 
-  // The result of a job that an earlier run has queued; nothing if the server does not know it any more.
+  // The result of a job that an earlier run has queued; nothing if the server no longer knows it.
   std::optional<UnwrapResult> Fetch(const std::string& job) {
     try {
       return context_.client.AttachResult(job, files_->view(), callbacks_, Call());
@@ -208,7 +211,7 @@ class BatchJob {
         throw;
       }
       if (error.code() != ErrorCode::kUnavailable && error.code() != ErrorCode::kDeadlineExceeded) {
-        // The next run is to try anew, not to fetch the same error.
+        // The next run must submit the job again, not fetch the same error.
         record_.job = job;
         context_.state.Append(record_);
       }
@@ -218,10 +221,10 @@ class BatchJob {
 
   // Queues the job and records that; waits for room in the queue.
   std::string Queue(const std::string& request_id) {
-    const UnwrapOptions options = files_->Options(arguments_.options);
+    const UnwrapOptions options = files_->Options(arguments_.map.options);
     CallOptions call = Call();
     call.request_id = request_id;
-    record_.server = arguments_.server;
+    record_.server = arguments_.server.address;
     record_.request_id = request_id;
     context_.state.Append(record_);
     record_.request_id.clear();
@@ -243,10 +246,10 @@ class BatchJob {
     }
   }
 
-  // `fetched`: the job ran on its own, before or while we watched.
+  // `fetched`: the job was queued by an earlier run.
   void Deliver(UnwrapResult result, bool fetched) {
-    for (const OutputFile& file : files_->WriteResult(result, {}, context_.stop)) {
-      const fs::path place = fs::path(file.path).lexically_relative(arguments_.output);
+    for (const OutputFile& file : files_->WriteResult(result, on_image_, context_.stop)) {
+      const fs::path place = fs::path(file.path).lexically_relative(arguments_.output.path);
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }
     Report& report = result.report;
@@ -256,7 +259,7 @@ class BatchJob {
     record_.why = WhyNotUsable(report);
     record_.triangles = report.triangles;
     record_.charts = report.chart_totals.charts;
-    // Waiting for a worker is the batch's own doing: it sends meshes ahead.
+    // Excludes the wait for a worker, which the batch causes itself by sending meshes ahead.
     const Seconds own = fetched ? WorkTime(report.times) : report.times.total - report.times.queue;
     record_.seconds = std::max(0.0, own.count());
     context_.state.Append(record_);
@@ -265,7 +268,9 @@ class BatchJob {
     if (!fetched) end_.queue_seconds = report.times.queue.count();
     BeginJson();
     end_.json.update(ReportJson(result, report, item_.output, files_->atlas_names()));
-    if (context_.sheet != nullptr) end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_);
+    if (context_.sheet != nullptr) {
+      end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_.map.options);
+    }
   }
 
   SheetPageJob PageJob(const BatchRecord& record) const {
@@ -284,7 +289,8 @@ class BatchJob {
     end_.json["seconds"] = {{"total", record.seconds}};
     end_.json["output"] = item_.output;
     if (context_.sheet != nullptr) {
-      end_.row.card = KeepPage(PageJob(record), arguments_.output_texcoord.value_or(item_.texcoord), arguments_);
+      end_.row.card =
+          KeepPage(PageJob(record), arguments_.output.texcoord.value_or(item_.texcoord), arguments_.map.options);
     }
   }
 
@@ -329,15 +335,16 @@ class BatchJob {
     end_.json.update(ReportJson(failure));
   }
 
-  // What every line of --json begins with.
+  // The beginning of every line of --json.
   void BeginJson() {
     end_.json = {{"file", item_.name}, {"result", ToString(end_.row.result)}, {"kept", end_.row.kept}};
   }
 
   const BatchContext& context_;
-  const Arguments& arguments_;
+  const UnwrapArguments& arguments_;
   const BatchItem& item_;
   const Callbacks& callbacks_;
+  const std::function<void(const ImageProgress&)>& on_image_;
   const Timer timer_;
   BatchRecord record_;
   std::optional<UnwrapFiles> files_;
@@ -354,8 +361,9 @@ bool PauseUnlessStopped(const std::stop_token& stop, double seconds) {
   return !stop.stop_requested();
 }
 
-BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks) {
-  return BatchJob(context, item, callbacks).Do();
+BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+                     const std::function<void(const ImageProgress&)>& on_image) {
+  return BatchJob(context, item, callbacks, on_image).Do();
 }
 
 BatchEnd NotTried(const BatchItem& item) {
@@ -367,7 +375,7 @@ BatchEnd NotTried(const BatchItem& item) {
 
 namespace {
 
-// Files in flight are in memory as they are, as meshes and as what was sent: some five times as much.
+// A file in flight is in memory as bytes, as a mesh and as a request: about five times its size in all.
 constexpr std::int64_t kMostBytesInFlight = std::int64_t{512} << 20;
 constexpr double kLongestPauseSeconds = 5;
 
@@ -397,7 +405,7 @@ void BatchRun::Work() {
   for (;;) {
     std::size_t file;
     {
-      // Files are taken up in order, so whoever waits for room waits with the next one in hand.
+      // Threads take files in order, and a thread that waits for room already holds the next file.
       const std::lock_guard lock(mutex_);
       if (next_ == plan_.items.size() || ShouldStop()) return;
       file = next_++;
@@ -412,7 +420,7 @@ void BatchRun::Work() {
 }
 
 BatchEnd BatchRun::DoWithPatience(std::size_t file) {
-  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.verbose);
+  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.terminal.verbose);
   const auto told = callbacks.on_reconnect;
   callbacks.on_reconnect = [this, told](const Error& why, Seconds wait) {
     if (why.reason() == "QUEUE_FULL") flight_.OnQueueFull();
@@ -421,7 +429,8 @@ BatchEnd BatchRun::DoWithPatience(std::size_t file) {
   const Timer timer;
   double pause = 0.5;
   for (;;) {
-    BatchEnd end = DoBatchItem(context_, plan_.items[file], callbacks);
+    BatchEnd end = DoBatchItem(context_, plan_.items[file], callbacks,
+                               [this, file](const ImageProgress& progress) { view_.OnImage(file, progress); });
     if (end.queue_seconds) flight_.OnDone(*end.queue_seconds);
     if (!end.server_error || ShouldStop()) return end;
     if (timer.Seconds() + pause > options_.server_patience_seconds) {

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -29,7 +30,7 @@ class BatchFlight {
   // Files of together more than `most_bytes` are not in flight at a time, unless it is a single one.
   BatchFlight(int workers, std::int64_t most_bytes);
 
-  // The limit is never above this: so many threads are enough.
+  // Upper bound of the limit, and so of the number of threads needed.
   int most() const { return most_; }
   int limit() const;
 
@@ -40,7 +41,7 @@ class BatchFlight {
   void Stop();
 
   void OnQueueFull();
-  // A job ended that had waited for a worker for so long.
+  // Reports a job that ended, and how long it had waited for a worker.
   void OnDone(double queue_seconds);
 
  private:
@@ -89,14 +90,14 @@ class BatchQueue {
 
 // What all files share.
 struct BatchContext {
-  const Arguments& arguments;
+  const UnwrapArguments& arguments;
   BatchState& state;
   Client& client;
   BatchQueue& queue;                   // of the same client
   const ReportSheet* sheet = nullptr;  // where pages go; null: nowhere
   std::string settings;                // SettingsDigest
   std::string version;                 // BatchRecord::version
-  // Cancels attached jobs on the server; those that are detached go on.
+  // Cancels attached jobs on the server. Detached jobs go on.
   std::stop_token stop;
 };
 
@@ -108,14 +109,15 @@ struct BatchEnd {
 };
 
 // Does nothing for a file that is up to date. Otherwise fetches the result of the job that an earlier run has queued,
-// or runs a job; with --detach it only queues the job. Errors are in the row. `callbacks` as in planish/client.h.
-// Thread-safe for different items.
-BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks);
+// or runs a job; with --detach it only queues the job. Errors are in the row. `callbacks` as in planish/client.h;
+// `on_image` is called before each image that is drawn. Thread-safe for different items.
+BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
+                     const std::function<void(const ImageProgress&)>& on_image);
 
 // Waits; false if the stop came first.
 bool PauseUnlessStopped(const std::stop_token& stop, double seconds);
 
-// Of a file that was not tried.
+// The end of a file that was not tried.
 BatchEnd NotTried(const BatchItem& item);
 
 // ---- All files, several at a time

@@ -21,6 +21,7 @@
 #include "client/cli/field_json.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
+#include "client/cli/unwrap_arguments.h"
 #include "client/files/file_io.h"
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_output.h"
@@ -37,7 +38,7 @@ Error Conflict(const std::string& message) {
   return Error(ErrorCode::kInvalidArgument, "BATCH_OUTPUT_CONFLICT", message);
 }
 
-// The path that all names of a file share, as far as it exists.
+// The canonical path, with symbolic links resolved as far as the path exists.
 fs::path Canonical(const fs::path& path) {
   std::error_code error;
   const fs::path canonical = fs::weakly_canonical(path, error);
@@ -46,20 +47,19 @@ fs::path Canonical(const fs::path& path) {
 
 class Planner {
  public:
-  explicit Planner(const Arguments& arguments) : arguments_(arguments), output_(Canonical(arguments.output)) {}
+  explicit Planner(const BatchFiles& files) : files_(files), output_(Canonical(files.output)) {}
 
   BatchPlan Plan() {
     std::error_code ignored;
-    if (fs::exists(arguments_.output, ignored) && !fs::is_directory(arguments_.output, ignored)) {
+    if (fs::exists(files_.output, ignored) && !fs::is_directory(files_.output, ignored)) {
       throw Error(ErrorCode::kInvalidArgument, "BATCH_OUTPUT_UNSUPPORTED",
-                  "-o " + arguments_.output + " is no directory; a batch needs one");
+                  "-o " + files_.output + " is no directory; a batch needs one");
     }
-    Add(arguments_.input);
-    for (const std::string& input : arguments_.more_inputs) Add(input);
+    for (const std::string& input : files_.inputs) Add(input);
     if (plan_.items.empty()) {
       throw Error(ErrorCode::kInvalidArgument, "BATCH_EMPTY",
-                  "there is no mesh file (.obj, .ply, .off, .stl, .gltf, .glb or .drc) in " + arguments_.input +
-                      (arguments_.more_inputs.empty() ? "" : " and what else was named"));
+                  "there is no mesh file (.obj, .ply, .off, .stl, .gltf, .glb or .drc) in " + files_.inputs.front() +
+                      (files_.inputs.size() == 1 ? "" : " and what else was named"));
     }
     CheckConflicts();
     return std::move(plan_);
@@ -70,7 +70,7 @@ class Planner {
     std::error_code ignored;
     if (!fs::is_directory(input, ignored)) return AddFile(input, fs::path(input).filename());
     if (Canonical(input) == output_) {
-      throw Conflict(arguments_.output + " is searched for inputs as well; give -o another directory");
+      throw Conflict(files_.output + " is searched for inputs as well; give -o another directory");
     }
     std::vector<std::pair<fs::path, fs::path>> files;  // path, place below `input`
     Walk(input, "", &files);
@@ -121,14 +121,14 @@ class Planner {
     } else if (!format) {
       item.problem.emplace(ErrorCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
                            item.input + ": the name does not end in .obj, .ply, .off, .stl, .gltf, .glb or .drc");
-    } else if (!arguments_.format.empty() && FormatOfPath("x." + arguments_.format) != format) {
-      target.replace_extension(arguments_.format);
+    } else if (!files_.format.empty() && FormatOfPath("x." + files_.format) != format) {
+      target.replace_extension(files_.format);
     } else if (format == MeshFormat::kStl) {
       target.replace_extension("obj");
     }
     item.key = target.generic_string();
-    item.output = (fs::path(arguments_.output) / target).string();
-    if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) item.texcoord = arguments_.texcoord;
+    item.output = (fs::path(files_.output) / target).string();
+    if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) item.texcoord = files_.texcoord;
     const std::uintmax_t bytes = fs::file_size(path, error);
     if (!error) item.bytes = static_cast<std::int64_t>(bytes);
     plan_.items.push_back(item);
@@ -153,15 +153,15 @@ class Planner {
     }
   }
 
-  const Arguments& arguments_;
+  const BatchFiles& files_;
   const fs::path output_;
   BatchPlan plan_;
 };
 
 }  // namespace
 
-BatchPlan PlanBatch(const Arguments& arguments) {
-  return Planner(arguments).Plan();
+BatchPlan PlanBatch(const BatchFiles& files) {
+  return Planner(files).Plan();
 }
 
 std::string SkippedText(const BatchPlan& plan) {
@@ -176,7 +176,7 @@ std::string Hexadecimal(const std::string& bytes) {
   return absl::BytesToHexString(Sha256(bytes));
 }
 
-// "a%20b.bin" as "a b.bin".
+// Decodes "a%20b.bin" to "a b.bin".
 std::string PercentDecoded(const std::string& uri) {
   std::string text;
   for (std::size_t i = 0; i < uri.size(); ++i) {
@@ -192,7 +192,7 @@ std::string PercentDecoded(const std::string& uri) {
   return text;
 }
 
-// The JSON of a .gltf or .glb, as text; empty if there is none.
+// The JSON text of a .gltf or .glb file; empty if a .glb is too short to have it.
 std::string_view GltfText(std::string_view bytes) {
   if (!bytes.starts_with("glTF")) return bytes;
   if (bytes.size() < 20) return "";
@@ -201,7 +201,7 @@ std::string_view GltfText(std::string_view bytes) {
   return bytes.substr(20, std::min(size, bytes.size() - 20));
 }
 
-// The files that buffers and images of a glTF lie in, from its folder.
+// The external files of buffers and images of a glTF, relative to its folder.
 std::vector<std::string> FilesOfGltf(const std::string& bytes) {
   std::vector<std::string> files;
   const std::string_view text = GltfText(bytes);
@@ -239,19 +239,21 @@ std::string InputDigest(const std::string& path) {
   return all == digest ? digest : Hexadecimal(all);
 }
 
-std::string SettingsDigest(const Arguments& arguments) {
+std::string SettingsDigest(const UnwrapArguments& arguments) {
   Json options = Json::object();
-  EachField(arguments.options, [&](const Field& field, const auto& member) {
+  EachField(arguments.map.options, [&](const Field& field, const auto& member) {
     if (!field.keeps_result) options[field.name] = FieldJson(field, member);
   });
-  const SeamList& seams = arguments.seams;
+  const SeamList& seams = arguments.map.seams;
   const Json json = {{"options", options},
                      {"sources", {seams.uv, seams.materials, seams.groups}},
-                     {"atlas_per", arguments.atlas_per ? ToString(*arguments.atlas_per) : ""},
-                     {"weights", arguments.material_weights},
+                     {"atlas_per", arguments.map.atlas_per ? ToString(*arguments.map.atlas_per) : ""},
+                     {"weights", arguments.map.material_weights},
                      {"texcoord", arguments.texcoord},
-                     {"output_texcoord", arguments.OutputTexcoord()},
-                     {"textures", ToString(arguments.textures.textures)}};
+                     {"output_texcoord", arguments.output.texcoord.value_or(arguments.texcoord)},
+                     {"textures", ToString(arguments.output.textures.textures)},
+                     {"merge_materials", arguments.output.textures.merge_materials},
+                     {"bake_colors", arguments.output.textures.bake_colors}};
   return Hexadecimal(ToLine(json));
 }
 
@@ -321,7 +323,7 @@ BatchState::BatchState(const std::string& directory)
     : directory_(directory), path_(directory + (directory.ends_with("/") ? "" : "/") + kBatchStateFile) {
   file_ = Descriptor(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
   if (file_.get() < 0) throw FileError("FILE_UNWRITABLE", path_, "cannot be opened");
-  // File systems without locks have none to lose.
+  // Any other error means that the file system has no locks, and is ignored.
   if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     throw Error(ErrorCode::kFailedPrecondition, "BATCH_RUNNING",
                 "another planish is writing into " + directory_ + "; wait for it, or give -o another directory");
@@ -344,7 +346,7 @@ std::optional<BatchRecord> BatchState::Find(const std::string& key) const {
 void BatchState::Append(const BatchRecord& record) {
   const std::lock_guard lock(mutex_);
   const std::string line = (torn_ ? "\n" : "") + ToLine(record) + "\n";
-  // In one piece, so that a kill leaves a whole line or the beginning of one.
+  // A single write, so that a killed process leaves a whole line or the beginning of one.
   ssize_t written;
   do {
     written = write(file_.get(), line.data(), line.size());

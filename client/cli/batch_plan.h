@@ -1,4 +1,4 @@
-// Before a batch runs: what it will do, what its results depend on, and what earlier runs have done.
+// The plan of a batch, digests of its inputs and settings, and the record of earlier runs.
 #pragma once
 
 #include <cstdint>
@@ -8,17 +8,18 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/arguments.h"
 #include "core/base/descriptor.h"
 #include "planish/error.h"
 
 namespace planish::cli {
 
+struct UnwrapArguments;
+
 // ---- What `planish unwrap a.obj b.glb dir/ -o out/` is about to do: decided in full before anything runs.
 //
 // Every file that was named, and every mesh file in a directory that was named, becomes one job and one output. The
-// output of a named file lies in the output directory itself, that of a file found in a directory at the same place
-// below the output directory as the file below the directory that was named.
+// output of a named file lies in the output directory itself. A file found in a directory keeps its relative path below
+// the output directory.
 
 struct BatchItem {
   std::string name;    // place below the directory that was named, or the file's own name: no two are alike
@@ -26,39 +27,47 @@ struct BatchItem {
   std::string key;     // place below the output directory: no two are alike
   std::string output;  // path to write
   std::int64_t bytes = 0;
-  int texcoord = 0;              // Arguments::texcoord for a glTF, 0 for others
+  int texcoord = 0;              // BatchFiles::texcoord for a glTF, 0 for others
   std::optional<Error> problem;  // why it cannot be done, known already: no mesh file, a directory beyond reading
 };
 
 struct BatchPlan {
-  std::vector<BatchItem> items;  // in the order of the arguments; those of a directory sorted by their paths
-  // What was found in directories and left out, by kind: ".mtl", "no extension", "hidden", "link to a directory",
-  // "output directory".
+  std::vector<BatchItem> items;  // in the order of the arguments; the files of a directory sorted by their paths
+  // Number of directory entries left out, by kind: ".mtl", "no extension", "hidden", "link to a directory", "output
+  // directory".
   std::map<std::string, int> skipped;
 };
 
-// Looks at the inputs of `arguments`, a batch. Throws planish::Error: BATCH_OUTPUT_CONFLICT where two files would
+// The files of a batch.
+struct BatchFiles {
+  std::vector<std::string> inputs;  // files and directories, at least one
+  std::string output;               // a directory
+  std::string format;               // as UnwrapArguments::format
+  int texcoord = 0;
+};
+
+// Looks at the inputs. Throws planish::Error: BATCH_OUTPUT_CONFLICT where two files would
 // become one, or an output is an input; BATCH_OUTPUT_UNSUPPORTED where the output is no directory; BATCH_EMPTY where
 // there is nothing to do.
-BatchPlan PlanBatch(const Arguments& arguments);
+BatchPlan PlanBatch(const BatchFiles& files);
 
 // "Skipped in directories: 12 .mtl, 3 .png, 1 hidden.\n"; empty if nothing was.
 std::string SkippedText(const BatchPlan& plan);
 
 // ---- Digests of what a result depends on: bytes and options
 
-// The SHA-256 in hexadecimal of what is in the file `path`, and of the files that it refers to as well: buffers and
-// images of a glTF, material files and images of an OBJ. Throws planish::Error: FILE_UNREADABLE. A file that it refers
-// to and that cannot be read counts as missing.
+// The SHA-256 in hexadecimal of the file `path` and of the files that it refers to: buffers and images of a glTF,
+// material files and images of an OBJ. Throws planish::Error: FILE_UNREADABLE. A file that it refers to and that cannot
+// be read counts as missing.
 std::string InputDigest(const std::string& path);
 
 // The SHA-256 in hexadecimal of one file's bytes; empty if it cannot be read.
 std::string FileDigest(const std::string& path);
 
 // The SHA-256 in hexadecimal of every option that changes a byte of the output (`threads` does not).
-std::string SettingsDigest(const Arguments& arguments);
+std::string SettingsDigest(const UnwrapArguments& arguments);
 
-// ---- The record of a batch, from which the next run knows what is done
+// ---- The record of a batch, by which the next run continues it
 //
 // OUT/.planish-batch.json holds one JSON object per line. A line is appended when the outputs of a file are in place;
 // with
@@ -69,7 +78,7 @@ inline constexpr char kBatchStateFile[] = ".planish-batch.json";
 
 struct BatchRecord {
   std::string key;  // BatchItem::key
-  // What the result depends on: a record says something about a run only if all three are its own.
+  // Digests of all that the result depends on. The record applies to a run only if all three are equal.
   std::string input;
   std::string settings;
   std::string version;  // of planish and planishd: "0.1.0 0.1.0"
@@ -79,21 +88,20 @@ struct BatchRecord {
   std::string server;      // this server
   std::string request_id;  // with which a job was asked for there, if the answer is not known; else empty
 
-  // Of one that is done.
+  // Only if the file is done.
   bool usable = false;
   std::string why;  // it is not usable
   std::int64_t triangles = 0;
   int charts = 0;
   double seconds = 0;
-  std::map<std::string, std::string>
-      files;  // below the output directory, and the SHA-256 of what was written; empty: nothing
+  std::map<std::string, std::string> files;  // by path below the output directory, the SHA-256 of each file written
 
   bool IsOf(const BatchRecord& other) const {
     return key == other.key && input == other.input && settings == other.settings && version == other.version;
   }
 };
 
-// One line, without line break; and back. Nothing for what is no record.
+// Converts a record to one line without line break, and back. ParseRecord() returns nothing for a malformed line.
 std::string ToLine(const BatchRecord& record);
 std::optional<BatchRecord> ParseRecord(const std::string& line);
 

@@ -40,7 +40,7 @@ std::string Mark(BatchResult result, bool utf8) {
   }
 }
 
-// The words of the last column.
+// The text of the last column.
 std::string ResultText(const BatchRow& row) {
   std::string text;
   switch (row.result) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "client/cli/batch_plan.h"
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 
@@ -14,7 +14,7 @@ namespace planish::cli {
 
 enum class BatchResult {
   kUsable,
-  kNotUsable,  // written all the same
+  kNotUsable,  // written even so
   kFailed,
   kCancelled,  // by Ctrl-C, or by somebody on the server
   kQueued,     // --detach: on the server
@@ -48,8 +48,8 @@ BatchTotals TotalsOf(const std::vector<BatchRow>& rows, double seconds);
 // "✓ a.obj  23,062 triangles, 12 charts, 0.82 s", without line break.
 std::string RowLine(const BatchRow& row, const Terminal& terminal);
 
-// A line per file under a heading; of more than kMostBatchRows only those that are not usable; and the totals. Names
-// are cut to the terminal's width, if there is one.
+// A line per file under a heading, and the totals. With more than kMostBatchRows files, only files without a usable map
+// get a line. Names are cut to the terminal's width, if there is one.
 inline constexpr std::size_t kMostBatchRows = 100;
 std::string BatchTable(const std::vector<BatchRow>& rows, const BatchTotals& totals, const Terminal& terminal);
 

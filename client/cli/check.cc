@@ -4,13 +4,11 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
-#include <iostream>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "client/cli/commands.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/mesh_file.h"
@@ -84,10 +82,10 @@ CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheck
 namespace {
 
 constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
-// Texels that a distance may fall short of what was asked for: UV are floats.
+// Texels that a distance may be below the padding asked for, since UV are floats.
 constexpr double kPaddingSlack = 0.01;
 
-// The chart of the largest stretch; nothing without charts.
+// The chart with the largest stretch; nothing without charts.
 std::optional<std::size_t> MostStretched(const CheckedMap& map) {
   const std::vector<ChartCheck>& charts = map.check.charts;
   const auto worst = std::max_element(charts.begin(), charts.end(), [](const ChartCheck& a, const ChartCheck& b) {
@@ -122,7 +120,7 @@ class FileFaces {
     return polygons;
   }
 
-  // Those with one of the bits of `faults`.
+  // Faces with one of the bits of `faults`.
   std::vector<std::int64_t> WithFault(std::uint8_t faults, std::size_t most) const {
     return Polygons(TrianglesWithFault(faults), most);
   }
@@ -144,8 +142,7 @@ class FileFaces {
     return " (" + Places({{"faces", ids}}, &input_) + ")";
   }
 
-  // How many there are, in the numbers of the file: "3 (face 2, ...)", or where it has polygons "6 triangles of 3 faces
-  // (face 2, ...)".
+  // The count with the first faces, "3 (face 2, ...)"; for polygons, "6 triangles of 3 faces (face 2, ...)".
   std::string Counted(const std::vector<std::int32_t>& triangles) const {
     if (triangles.empty()) return "none";
     const auto count = static_cast<std::int64_t>(triangles.size());
@@ -200,7 +197,25 @@ std::string SpacingText(const FileFaces& faces, const CheckedMap& map, double re
 
 }  // namespace
 
-std::vector<RequirementResult> CheckRequirements(const CheckArguments& wanted, const CheckedMap& map) {
+const char* ToString(Requirement requirement) {
+  switch (requirement) {
+    case Requirement::kUv:
+      return "uv";
+    case Requirement::kNoOverlap:
+      return "no-overlap";
+    case Requirement::kNoFlip:
+      return "no-flip";
+    case Requirement::kNoMirror:
+      return "no-mirror";
+    case Requirement::kNoDegenerate:
+      return "no-degenerate";
+    case Requirement::kInTile:
+      return "in-tile";
+  }
+  return "";
+}
+
+std::vector<RequirementResult> CheckRequirements(const Requirements& wanted, const CheckedMap& map) {
   std::vector<RequirementResult> results;
   if (!map.has_uv()) {
     results.push_back({"uv", false, "there are no UV"});
@@ -213,7 +228,7 @@ std::vector<RequirementResult> CheckRequirements(const CheckArguments& wanted, c
   const auto missing = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
   require(Requirement::kUv, missing == 0,
           Counted(missing, "triangle has", "triangles have") + " no UV, or UV at NaN or infinity");
-  // A search that ended early proves nothing.
+  // A search that ended early does not prove that there are no overlaps.
   require(Requirement::kNoOverlap, check.overlaps.pairs == 0 && !check.overlaps.limited,
           check.overlaps.pairs == 0
               ? "too many triangles lie close together to look at all pairs"
@@ -423,97 +438,6 @@ Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_se
   }
   json["ok"] = AreMet(results);
   return json;
-}
-
-namespace {
-
-// Judges file after file, and counts.
-class CheckRun {
- public:
-  CheckRun(const Arguments& arguments, const Execution& execution) : arguments_(arguments), execution_(execution) {
-    if (arguments.options.texture_size != 0) options_.texture_size = arguments.options.texture_size;
-    if (arguments.options.tiles != 0) options_.tiles = arguments.options.tiles;
-    options_.min_padding = arguments.check.min_padding;
-  }
-
-  void File(const std::string& path) {
-    ++files_;
-    try {
-      const int first = arguments_.check.all_texcoords || !HasSets(path) ? 0 : arguments_.texcoord;
-      const MeshInput input({path}, first);
-      const std::vector<int> sets = UvSets(input.file());
-      if (!arguments_.check.all_texcoords || sets.empty()) return Map(input, first, sets);
-      for (const int set : sets) {
-        if (!execution_.IsCancelled()) Map(MeshInput({path}, set), set, sets);
-      }
-    } catch (const Error& error) {
-      ++unreadable_;
-      std::cerr << ErrorText(error, Places(error.metadata()), StderrTerminal());
-      if (arguments_.json) {
-        Print({{"file", path},
-               {"error", {{"reason", error.reason()}, {"message", error.what()}, {"metadata", error.metadata()}}},
-               {"ok", false}});
-      }
-    }
-  }
-
-  int End() const {
-    if (IsSeveral()) {
-      if (arguments_.json) {
-        Print({{"summary", {{"files", files_}, {"maps", maps_}, {"failed", failed_}, {"unreadable", unreadable_}}}});
-      } else {
-        std::cout << Counted(files_, "file", "files") << ", " << Counted(maps_, "map", "maps") << ": "
-                  << (failed_ == 0 ? "all as required" : WithCommas(failed_) + " not as required")
-                  << (unreadable_ == 0 ? "" : ", " + Counted(unreadable_, "file is unreadable", "files are unreadable"))
-                  << ".\n";
-      }
-    }
-    std::cout << std::flush;
-    return unreadable_ > 0 ? kUsage : failed_ > 0 ? kFailed : kOk;
-  }
-
- private:
-  static bool HasSets(const std::string& path) {
-    const std::optional<MeshFormat> format = FormatOfPath(path);
-    return IsStream(path) || format == MeshFormat::kGltf || format == MeshFormat::kGlb;
-  }
-  bool IsSeveral() const { return !arguments_.more_inputs.empty() || arguments_.check.all_texcoords; }
-
-  void Print(const Json& json) const { std::cout << (IsSeveral() ? ToLine(json) + "\n" : ToText(json)) << std::flush; }
-
-  void Map(const MeshInput& input, int set, const std::vector<int>& sets) {
-    const CheckedMap map = CheckMapOf(input, options_, execution_);
-    if (execution_.IsCancelled()) return;
-    ++maps_;
-    const std::vector<RequirementResult> results = CheckRequirements(arguments_.check, map);
-    failed_ += AreMet(results) ? 0 : 1;
-    if (arguments_.json) return Print(CheckJson(input, set, sets, options_, map, results));
-    std::cout << CheckText(input, set, sets, options_, map, results) << std::flush;
-  }
-
-  const Arguments& arguments_;
-  const Execution& execution_;
-  MapCheckOptions options_;
-  std::int64_t files_ = 0, maps_ = 0, failed_ = 0, unreadable_ = 0;
-};
-
-}  // namespace
-
-int RunCheck(const Arguments& arguments, Interrupts& interrupts) {
-  int exit_code = kOk;
-  const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
-    CheckRun run(arguments, execution);
-    run.File(arguments.input);
-    for (const std::string& path : arguments.more_inputs) {
-      if (!execution.IsCancelled()) run.File(path);
-    }
-    if (!execution.IsCancelled()) exit_code = run.End();
-  });
-  if (is_interrupted) {
-    std::cerr << "planish: interrupted\n";
-    return kInterrupted;
-  }
-  return exit_code;
 }
 
 }  // namespace planish::cli

@@ -1,8 +1,10 @@
-// `planish health`.
+#include "client/cli/health_command.h"
+
 #include <iostream>
 #include <string>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/flags.h"
 #include "planish/error.h"
 
 // Last, and in no other file of the command: it brings macros of <resolv.h> (_res) that Eigen's headers have as names.
@@ -16,9 +18,21 @@ constexpr int kSeconds = 3;
 
 }  // namespace
 
-int RunHealth(const Arguments& arguments) {
-  const std::string& url = arguments.health_url;
-  // "http://HOST:PORT/PATH"; ParseArguments() looked at it.
+void AddFlags(CLI::App& app, HealthArguments& arguments) {
+  app.footer(
+      "For probes, beside planishd --metrics-listen; needs no credentials. /livez in place of /readyz asks whether it "
+      "serves at all.\nExit codes: 0 yes, 1 no, 3 nobody answers.");
+  app.add_option("URL", arguments.url, "What to ask [http://127.0.0.1:9741/readyz]")->type_name("");
+}
+
+std::string Check(HealthArguments& arguments) {
+  const std::string& url = arguments.url;
+  if (url.starts_with("http://") && url.find('/', 7) != std::string::npos) return "";
+  return "health asks an URL such as http://127.0.0.1:9741/readyz, not " + url;
+}
+
+int Run(const HealthArguments& arguments, Interrupts& /*interrupts*/) {
+  const std::string& url = arguments.url;  // "http://HOST:PORT/PATH", as checked
   const std::size_t path = url.find('/', std::string("http://").size());
   httplib::Client client(url.substr(0, path));
   client.set_connection_timeout(kSeconds);

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 #include <limits>
 #include <map>
 #include <utility>
 
-#include "client/cli/commands.h"
 #include "client/cli/seams.h"
 #include "client/cli/text.h"
 #include "client/src/errors.h"
@@ -16,7 +14,7 @@
 namespace planish::cli {
 namespace {
 
-// The file's triangles on all of its vertices, at the positions that travel.
+// The triangles and all vertices of the file, with positions rounded as they are sent.
 Mesh AsSent(const MeshInput& input) {
   const Triangulation& triangles = input.triangulation();
   Mesh mesh;
@@ -29,7 +27,7 @@ Mesh AsSent(const MeshInput& input) {
   return mesh;
 }
 
-// From triangles to the file's polygons, each once.
+// The file's polygons of these triangles, each once.
 std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std::int64_t>& triangles) {
   std::vector<std::int64_t> polygons;
   for (const std::int64_t t : triangles) {
@@ -39,7 +37,7 @@ std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std
   return polygons;
 }
 
-// Collects findings in the order in which they are told.
+// Collects findings in the order of the output.
 class Findings {
  public:
   explicit Findings(const MeshInput& input) : input_(input) {}
@@ -136,7 +134,7 @@ std::optional<Error> RefusalToSend(const MeshInput& input) {
   return std::nullopt;
 }
 
-// In the file's ids: those of vertices are already.
+// Translates faces to the file's ids. Vertices have the file's ids already.
 ids::Renumbering FacesToFile(const MeshInput& input) {
   ids::Renumbering renumbering;
   renumbering.face = [&input](std::int64_t face) -> std::int64_t {
@@ -170,7 +168,7 @@ std::string Names(const std::vector<std::string>& names) {
   return names.size() > kMaxNames ? text + ", ..." : text;
 }
 
-// Lines under a heading in the margin.
+// Lines beside a heading in the margin.
 std::string Paragraph(const std::string& heading, const std::vector<std::string>& lines) {
   constexpr std::size_t kMargin = 11;
   std::string text;
@@ -380,15 +378,6 @@ Json InspectionJson(const MeshInput& input, const Inspection& inspection) {
           {"groups", inspection.groups},
           {"findings", findings},
           {"unwrap", unwrap}};
-}
-
-int RunInspect(const Arguments& arguments) {
-  const MeshInput input({arguments.input}, arguments.texcoord);
-  const Inspection inspection = Inspect(input);
-  std::cout << (arguments.json ? ToText(InspectionJson(input, inspection))
-                               : PrintableLines(InspectionText(input, inspection), true))
-            << std::flush;
-  return inspection.refusal ? kFailed : kOk;
 }
 
 }  // namespace planish::cli

@@ -4,9 +4,10 @@
 #include <cstdlib>
 #include <exception>
 #include <iostream>
+#include <variant>
 
-#include "client/cli/arguments.h"
-#include "client/cli/commands.h"
+#include "client/cli/command_line.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
 #include "client/cli/text.h"
@@ -14,41 +15,17 @@
 namespace planish::cli {
 namespace {
 
-int Run(const Arguments& arguments) {
+template <typename CommandArguments>
+int RunCommand(const CommandArguments& arguments) {
+  if constexpr (requires { arguments.terminal; }) SetColorMode(arguments.terminal.color);
   Interrupts interrupts;
   try {
-    switch (arguments.command) {
-      case Command::kUnwrap:
-        return RunUnwrap(arguments, interrupts);
-      case Command::kPack:
-        return RunPack(arguments, interrupts);
-      case Command::kTransfer:
-        return RunTransfer(arguments, interrupts);
-      case Command::kCheck:
-        return RunCheck(arguments, interrupts);
-      case Command::kReport:
-        return RunReport(arguments, interrupts);
-      case Command::kInspect:
-        return RunInspect(arguments);
-      case Command::kEstimate:
-        return RunEstimate(arguments, interrupts);
-      case Command::kJobsWatch:
-        return RunJobsWatch(arguments, interrupts);
-      case Command::kHealth:
-        return RunHealth(arguments);
-      case Command::kAdminDrain:
-      case Command::kAdminUndrain:
-      case Command::kAdminStats:
-      case Command::kAdminConfig:
-        return RunAdmin(arguments, interrupts);
-      case Command::kVersion:
-        return RunVersion(arguments, interrupts);
-      default:
-        return RunJobs(arguments, interrupts);
-    }
+    return Run(arguments, interrupts);
   } catch (const Error& error) {
     std::cerr << ErrorText(error, "", StderrTerminal());
-    if (arguments.json) std::cout << ToText(ReportJson(FailureOf(error)));
+    if constexpr (requires { arguments.json; }) {
+      if (arguments.json) std::cout << ToText(ReportJson(FailureOf(error)));
+    }
     return ExitCodeOf(error);
   } catch (const std::exception& exception) {
     std::cerr << "planish: internal error: " << exception.what() << "\n";
@@ -60,7 +37,7 @@ int Run(const Arguments& arguments) {
 }  // namespace planish::cli
 
 int main(int argc, char** argv) {
-  // Images and their mipmaps are given back to the system as soon as they are freed.
+  // Returns the memory of images and mipmaps to the system when they are freed.
   mallopt(M_MMAP_THRESHOLD, 4 << 20);
   // gRPC would log what the command says in its own words.
   setenv("GRPC_VERBOSITY", "NONE", 0);
@@ -68,6 +45,5 @@ int main(int argc, char** argv) {
   std::cout << parsed.out << std::flush;
   std::cerr << parsed.err;
   if (!parsed.arguments) return parsed.exit_code;
-  planish::cli::SetColorMode(parsed.arguments->color);
-  return planish::cli::Run(*parsed.arguments);
+  return std::visit([](const auto& arguments) { return planish::cli::RunCommand(arguments); }, *parsed.arguments);
 }

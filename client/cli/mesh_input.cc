@@ -22,11 +22,25 @@
 #include "client/src/errors.h"
 
 namespace planish::cli {
+
+const char* ToString(AtlasPer per) {
+  switch (per) {
+    case AtlasPer::kFile:
+      return "file";
+    case AtlasPer::kMesh:
+      return "mesh";
+    case AtlasPer::kMaterial:
+      return "material";
+    case AtlasPer::kGroup:
+      return "group";
+  }
+  return "";
+}
 namespace {
 
 constexpr std::size_t kMaxPlaces = 4;
 
-// The last part that begins at `id` or before.
+// The part that `id` belongs to: the last one that begins at `id` or before.
 template <typename Part>
 const Part& PartOf(const std::vector<Part>& parts, std::int64_t Part::*first, std::int64_t id) {
   const auto behind = std::upper_bound(parts.begin() + 1, parts.end(), id,
@@ -194,11 +208,11 @@ std::vector<std::array<double, 3>> MeshInput::MaterialColors() const {
 
 namespace {
 
-// What is an atlas by itself in a file: per polygon its number, and the names.
+// The parts of a file that get atlases of their own: the part of each polygon, and the names of parts.
 struct FileParts {
   const std::vector<std::int32_t>* of_polygon = nullptr;
   const std::vector<std::string>* names = nullptr;
-  const char* what = "";  // if there are none
+  const char* what = "";  // for the error if the file has no such parts
 };
 
 FileParts PartsOf(const MeshFile& file, AtlasPer per) {
@@ -234,7 +248,7 @@ FaceAtlases MeshInput::AtlasesPer(AtlasPer per) const {
                   std::string("--atlas-per=") + ToString(per) + ": " + part.file.path + " has no " + parts.what,
                   {{"field", "face_atlas"}});
     }
-    // Faces without one count as the last.
+    // Faces outside all parts belong to the last atlas.
     const auto none = static_cast<std::int32_t>(parts.names->size());
     std::vector<std::int32_t> number(parts.names->size() + 1, -1), of_triangle;
     for (const std::int64_t polygon : part.triangulation.source_polygon) {
@@ -324,7 +338,7 @@ std::string Places(const std::map<std::string, std::string>& metadata, const Mes
     text += text.empty() ? "" : ", ";
     text += input != nullptr ? input->Place(element, id) : element + (" " + std::to_string(id));
   };
-  // Where faces are named, the vertices of the edges between them add nothing.
+  // If faces are named, the ends of the edges between them are redundant.
   for (const auto& [key, value] : metadata) {
     if (key != "face" && key != "faces") continue;
     for (const std::int64_t id : ids::IdsIn(value)) add("face", id);
@@ -334,7 +348,7 @@ std::string Places(const std::map<std::string, std::string>& metadata, const Mes
     if (key != "vertex" && key != "vertices" && !(is_edge && count == 0)) continue;
     for (const std::int64_t id : ids::IdsIn(value)) add("vertex", id);
   }
-  // The server names only the first few as well, so there is no telling how many more.
+  // The server too names only the first few, so the number of the others is not known.
   return count > kMaxPlaces ? text + ", ..." : text;
 }
 
@@ -361,6 +375,8 @@ TextureOptions TextureOptionsOf(const TextureArguments& arguments) {
   options.mode = arguments.textures == Textures::kDrop ? TextureMode::kDrop : TextureMode::kTransfer;
   options.memory = TextureMemory(arguments);
   options.allow_outside = arguments.allow_outside;
+  options.merge_materials = arguments.merge_materials;
+  options.bake_colors = arguments.bake_colors;
   options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 64U));
   return options;
 }
@@ -426,7 +442,7 @@ std::vector<OutputOptions> MeshInput::WithTextureSize(std::vector<OutputOptions>
   for (std::size_t p = 0; p < outputs.size(); ++p) {
     TextureOptions& textures = outputs[p].textures;
     textures.size = size;
-    // One texel stays free between charts.
+    // Leaves one texel between charts.
     textures.least_size = std::max(1, atlas_size / std::max(1, padding));
     if (atlas_of_face.empty()) continue;
     const std::vector<std::int64_t>& polygons = parts_[p].triangulation.source_polygon;

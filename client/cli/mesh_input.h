@@ -12,12 +12,16 @@
 #include "client/cli/arguments.h"
 #include "client/cli/seams.h"
 #include "client/files/mesh_output.h"
-#include "client/src/errors.h"
+#include "core/base/element_ids.h"
 #include "planish/client.h"
 
 namespace planish::cli {
 
 class Interrupts;
+
+// What gets an atlas of its own.
+enum class AtlasPer { kFile, kMesh, kMaterial, kGroup };
+const char* ToString(AtlasPer per);  // "file", ...
 
 // Which atlas each face goes into, from 0 on, and what these are called.
 struct FaceAtlases {
@@ -33,38 +37,38 @@ class MeshInput {
   // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_UNSUPPORTED, FILE_MALFORMED.
   explicit MeshInput(const std::vector<std::string>& paths, int texcoord = 0);
   explicit MeshInput(const std::string& path) : MeshInput(std::vector<std::string>{path}) {}
-  // Of files that were read already, at least one.
+  // Takes files that were read already, at least one.
   explicit MeshInput(std::vector<MeshFile> files);
 
-  // Of the first file.
+  // The first file.
   const std::string& path() const { return parts_.front().file.path; }
   const MeshFile& file() const { return parts_.front().file; }
   const Triangulation& triangulation() const { return parts_.front().triangulation; }  // without its mesh
-  // Of all files, as sent.
+  // The mesh of all files, as sent.
   const Mesh& mesh() const { return mesh_; }
-  // As sent; lives as long as this object.
+  // A view of mesh(), valid as long as this object lives.
   MeshView view() const;
 
-  // Of the files, in the order of view(). Per corner 3 f + k an id of its UV, -1: none; at a vertex equal ids are equal
-  // UV, so that an edge whose two faces have the same ids at both ends is no seam of the file. Empty: no file has UV.
+  // Per corner 3 f + k of view(): the id of its UV, -1 without UV. Empty if no file has UV. At a vertex equal ids mean
+  // equal UV, so an edge whose two faces have the same ids at both ends is not a seam of the file.
   std::vector<std::int32_t> CornerTexcoords() const;
-  // The UV itself, v upwards, (0, 0) where there is none: 6 numbers a face.
+  // The UV of the corners, 6 numbers a face, v upwards; (0, 0) for corners without UV.
   std::vector<double> CornerUv() const;
-  // Per face an id of its material, -1: none; faces of different files never share one. Empty: no file has materials.
+  // Per face: the id of its material, -1 without material. Files never share ids. Empty if no file has materials.
   std::vector<std::int32_t> FaceMaterials() const;
-  // By these ids; the names of different files may be the same.
+  // Names by the ids of FaceMaterials(). Different files may have equal names.
   std::vector<std::string> MaterialNames() const;
 
-  // By these ids, red, green and blue from 0 to 1; grey where a file has none.
+  // Colours by the ids of FaceMaterials(): red, green and blue from 0 to 1; grey if the file has no colours.
   std::vector<std::array<double, 3>> MaterialColors() const;
 
-  // Every part of this kind that has faces, in their order, files first; faces without one come last. Throws
-  // OPTIONS_INVALID where a file has none of this kind.
+  // An atlas for every part of this kind that has faces, ordered by file and then as in the file. Faces outside all
+  // parts share the last atlas. Throws OPTIONS_INVALID if a file has no part of this kind.
   FaceAtlases AtlasesPer(AtlasPer per) const;
-  // Per face what its material weighs, 1 if nothing is said of that; empty without weights. Throws MATERIAL_UNKNOWN.
+  // Per face: the weight of its material, 1 by default. Empty if `material_weights` is empty. Throws MATERIAL_UNKNOWN.
   std::vector<double> FaceWeights(const std::map<std::string, double>& material_weights) const;
 
-  // What `list` takes from the files, in the order of view() (seams.h).
+  // The corners that face the seams of `list`, in the order of view() (seams.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
   // The corners that face an edge that `list` wants uncut.
   std::vector<std::int32_t> UncutCorners(const SeamList& list) const;
@@ -85,13 +89,13 @@ class MeshInput {
   // Where the results go for `-o out`: to `out` itself, in the format that its name says ("-" and what lies in /dev:
   // the file's own, or OBJ if that is STL); or, with several files, or where `out` ends in '/' or is a directory, to
   // files of the same names in it. `texcoord`: nothing stands for the set that is read, or the next free one where
-  // textures are kept. Throws OUTPUT_UNSUPPORTED where a format cannot hold what it would have to, two files would get
-  // the same name, or several files have no directory; FILE_UNWRITABLE where there is none to write to; and what
-  // CheckOutput() says of images (client/files/mesh_output.h).
+  // textures are kept. Throws OUTPUT_UNSUPPORTED if a format cannot hold the output, two files would get the same name,
+  // or several files have no directory; FILE_UNWRITABLE if the directory does not exist or cannot be written to; and
+  // the errors of CheckOutput() about images (client/files/mesh_output.h).
   std::vector<OutputOptions> Outputs(const std::string& out, int read_texcoord, std::optional<int> texcoord,
                                      const TextureArguments& textures) const;
-  // `outputs` with images of `size` texels per side (0: as many as keep their texel density) for an atlas of
-  // `atlas_size` with so much padding. `atlas_of_face`: of view(), or empty.
+  // `outputs` with images of `size` texels per side, for an atlas of `atlas_size` texels per side with `padding`
+  // between charts. Size 0 keeps the texel density of each image. `atlas_of_face`: per face of view(), or empty.
   std::vector<OutputOptions> WithTextureSize(std::vector<OutputOptions> outputs, int size, int atlas_size, int padding,
                                              const std::vector<std::int32_t>& atlas_of_face) const;
   // Texels per side that the atlas should have for the images that move into it; 0 if none do.
@@ -116,7 +120,7 @@ class MeshInput {
     std::int64_t first_polygon = 0;
   };
 
-  // What find(part) says about the corners of each part, in the order of view().
+  // The results of find(part), a corner list for each part, as corners of view().
   template <typename Find>
   std::vector<std::int32_t> OfAllParts(const Find& find) const;
   ids::Renumbering ToFile() const;

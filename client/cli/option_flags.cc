@@ -46,7 +46,7 @@ void AddNumber(CLI::App& app, const Field& field, const std::function<void(Numbe
   option->transform(CLI::Validator(
       [range, zero = std::string(field.zero)](std::string& text) {
         double number = 0;
-        // To CLI11 "nan" is a number within every range.
+        // CLI11 accepts "nan" in every range.
         const bool is_nan = CLI::detail::lexical_cast(text, number) && std::isnan(number);
         if (zero.empty() || text != zero) return is_nan ? "Value " + text + " is not a number" : range(text);
         text = "0";

@@ -9,7 +9,8 @@
 namespace planish::cli {
 namespace {
 
-// Chosen by what 22 meshes of 250 to 100,000 triangles took on two busy cores (client/README.md, "What the bar shows").
+// Fitted to the times of 22 meshes of 250 to 100,000 triangles on two busy cores (client/README.md, "What the bar
+// shows").
 struct Weights {
   double cut = 2e-6;     // seconds a byte of the mesh
   double solve = 4e-6;   // seconds a byte
@@ -24,12 +25,12 @@ constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0, 0.15, 0.1};
 
 constexpr double kStart = 0.01;          // seconds, of a worker
 constexpr double kBestPackSeconds = 40;  // from 5 charts on 10 to 60
-// What all rounds take of solves and cuts, times the first one; and what is left at the end of a round, times that.
+// Time of all rounds of solves and cuts, in units of the first round; and the time left after a round, in units of that
+// round.
 constexpr double kRounds = 3.5, kMoreRounds = 2;
-// What is left of a phase that takes longer than expected, as a part of that.
+// Time left of a phase that takes longer than expected, as a fraction of the expected time.
 constexpr double kLeast = 0.15;
-// Newton's method squares residuals, so the logarithm falls ever faster: after this power of the way a step is about as
-// long as another.
+// Newton's method squares residuals, so their logarithm falls ever faster. This power makes the steps about equal.
 constexpr double kNewtonPower = 0.33;
 
 const Weights& WeightsOf(const UnwrapOptions& options) {
@@ -65,7 +66,8 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
     solve_seconds_ = WeightsOf(options_).cuts * now;
     round_began_ = now;
   }
-  // A round ends with cuts or joins, which are called charts again. What is delivered may be cut once more, too.
+  // A round ends with cuts or joins, which the server reports as the stage of charts again. After delivery charts may
+  // be cut once more.
   for (; phase_ < phase; ++phase_) begin_[phase_ + 1] = now;
   if (phase_ == kSolve && progress.stage == Stage::kCharts && stage_ != Stage::kCharts) {
     const double round = now - round_began_;
@@ -81,7 +83,7 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
 double WorkEstimate::PackSeconds(double seconds) const {
   const Weights& weights = WeightsOf(options_);
   if (!options_.pack || options_.seams == Seams::kNone) return 0;
-  // As the server bounds it.
+  // The limits of the server.
   const double normal = weights.packs * seconds;
   if (options_.effort == Effort::kBest) return std::max(kBestPackSeconds, 100 * normal);
   return weights.pack + std::min(weights.chart * charts_, seconds) +
@@ -99,7 +101,7 @@ double WorkEstimate::Fraction(double seconds) const {
   double all = 0;  // up to the end of the phase
   switch (phase_) {
     case kCut:
-      // From a tenth on the stage of charts itself tells more than the size of the mesh.
+      // From a tenth on, the fraction of the stage is a better estimate than the size of the mesh.
       if (charts_part_ > 0.1) {
         const double cut = charts_began_ + (charts_told_ - charts_began_) / charts_part_;
         all = std::max(cut, seconds) * (1 + weights.cuts);
@@ -108,7 +110,7 @@ double WorkEstimate::Fraction(double seconds) const {
       }
       break;
     case kSolve:
-      // From a tenth on the chart's own way tells more.
+      // From a tenth on, the chart's residual is a better estimate.
       all = seconds + (single_chart_part_ > 0.1 ? spent * (1 / single_chart_part_ - 1) : Left(solve_seconds_, spent));
       break;
     case kPack:
@@ -128,7 +130,7 @@ void JobProgress::Apply(const Event& event) {
   if (event.job) {
     const Job& job = *event.job;
     if (job.state == JobState::kQueued) {
-      // A job that was lost and submitted anew begins again.
+      // A lost job that is submitted again starts over.
       const double now = elapsed_seconds;
       *this = JobProgress();
       elapsed_seconds = now;
@@ -156,7 +158,7 @@ void JobProgress::Apply(const Event& event) {
     if (progress.tolerance > 0) tolerance = progress.tolerance;
     const double worst = progress.residual.Worst();
     if (stage >= Stage::kSolve && worst > 0 && std::isfinite(worst)) {
-      // Events may be skipped, so iterations that were not seen take the value of the next one.
+      // Events may be skipped: iterations without an event take the value of the next one.
       const auto count = static_cast<std::size_t>(std::max(0, newton_iteration)) + 1;
       if (residuals.size() < count) residuals.resize(count, worst);
       residuals[count - 1] = worst;
@@ -192,7 +194,7 @@ std::string PlainLine(const Event& event, LastLine& last) {
   }
   if (!event.progress) return "";
   const Progress& progress = *event.progress;
-  // The solve is announced before its first residual is known.
+  // The event of a new solve comes before its first residual.
   const bool is_solving = progress.stage == Stage::kSolve && progress.residual.Worst() > 0;
   if (progress.stage == last.stage && (!is_solving || progress.newton_iteration == last.newton_iteration)) return "";
   last.stage = progress.stage;
@@ -242,6 +244,7 @@ std::string Mark(const JobProgress& progress, const Terminal& terminal, int fram
 std::string StageText(const JobProgress& progress) {
   if (progress.has_succeeded) return "done";
   if (!progress.notice.empty()) return progress.notice;
+  if (!progress.image.empty()) return progress.image;
   if (progress.stage == Stage::kQueue && progress.queue_position > 0) {
     return "queue (" + std::to_string(progress.queue_position) + " ahead)";
   }
@@ -258,7 +261,7 @@ std::string StageText(const JobProgress& progress) {
 }
 
 std::string Bar(const JobProgress& progress, const Terminal& terminal, int width) {
-  const double filled = progress.Fraction() * width;
+  const double filled = std::max(progress.Fraction(), progress.image_fraction) * width;
   const int whole = static_cast<int>(filled);
   const char* color = progress.has_succeeded ? kGreen : kCyan;
   if (!terminal.utf8) {
@@ -294,6 +297,11 @@ std::string CutBehind(const std::string& text, int columns) {
 
 }  // namespace
 
+std::string ImageText(const ImageProgress& progress) {
+  return "Resampling " + Printable(progress.name, true) + " (" + std::to_string(progress.number) + " of " +
+         std::to_string(progress.count) + ")";
+}
+
 std::string Sparkline(const std::vector<double>& values, double floor) {
   static constexpr std::array<const char*, 8> kBlocks = {"▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
   const std::size_t skip = values.size() > kSparklineLength ? values.size() - kSparklineLength : 0;
@@ -316,8 +324,8 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
       {Mark(progress, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(progress), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
-  // In the end the summary says what came out; how the last chart was solved is of no more use.
-  if (!progress.residuals.empty() && !progress.has_succeeded) {
+  // At the end the summary describes the result, and the details of the last chart are left out.
+  if (!progress.residuals.empty() && !progress.has_succeeded && progress.image.empty()) {
     std::string residual = Scientific(progress.residuals.back());
     if (progress.tolerance > 0) {
       residual += Colored(terminal, kDim, (terminal.utf8 ? " → " : " -> ") + Scientific(progress.tolerance));
@@ -361,7 +369,7 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
 }
 
 std::vector<std::string> RenderBatch(const ProgressState& state, const Terminal& terminal, int frame) {
-  // One row for the totals, one for the cursor; what scrolls off the top cannot be painted over.
+  // One row for the totals and one for the cursor. Rows that scroll off the top cannot be repainted.
   const auto room = static_cast<std::size_t>(std::max(0, terminal.height - 2));
   const std::size_t shown = std::min(room, state.jobs.size());
   const int width = terminal.width - 1;
@@ -391,7 +399,7 @@ std::string Repaint(const std::vector<std::string>& before, const std::vector<st
   rows = std::min(rows, std::max(0, terminal.height - 1));
   std::string text = "\r";
   if (rows > 0) text += "\x1b[" + std::to_string(rows) + "A";
-  // Lines are overwritten and only their rests erased: nothing blinks.
+  // Overwrites lines and erases only what is left of the old ones, to avoid flicker.
   for (const std::string& line : ended) text += line + kEraseLine + "\n";
   for (const std::string& line : live) text += line + kEraseLine + "\n";
   return text + kEraseBelow;

@@ -1,4 +1,4 @@
-// How far jobs are, from the events of their server, and what a terminal shows of that.
+// The progress of jobs, from the events of their server, and its display on a terminal.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/text.h"
+#include "client/files/mesh_output.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -16,36 +17,36 @@ namespace planish::cli {
 // The notice that stays until the end.
 inline constexpr char kCancelling[] = "cancelling";
 
-// The part of a job's time that is over. A job has four phases: what comes before the first solve; solves, with the
-// rounds of cuts and joins between them; packing; the verifier and what follows. What a phase will take is estimated
-// from what the phases before it took, so that the speed of the machine does not matter, and the first ones from the
-// size of the mesh, until the stage of charts tells how far it is (Progress::stage_fraction). Seconds are those of
-// Progress::elapsed_seconds.
+// Estimates the fraction of a job's time that is over. A job has four phases: everything before the first solve;
+// solves, with rounds of cuts and joins between them; packing; the verifier and the rest. The time of a phase is
+// estimated from the phases before it, so the speed of the machine does not matter. The first phase is estimated from
+// the size of the mesh, until the stage of charts reports its progress (Progress::stage_fraction). Seconds are counted
+// as in Progress::elapsed.
 class WorkEstimate {
  public:
   void OnJob(const Job& job);
   // `chart_part`: JobProgress::ChartFraction().
   void OnProgress(const Progress& progress, double chart_part);
-  // In [0, 1). Grows with `seconds` while nothing is told, ever slower when a phase takes longer than expected. May
-  // fall when something is told.
+  // In [0, 1). Grows with `seconds` between two events, and ever slower when a phase takes longer than expected. An
+  // event may reduce it.
   double Fraction(double seconds) const;
 
  private:
   enum Phase { kCut, kSolve, kPack, kVerify, kPhases };
 
-  // What packing and the verifier will take, of a job that takes `seconds` before these.
+  // Expected seconds of packing and of the verifier, if everything before them takes `seconds`.
   double PackSeconds(double seconds) const;
   double VerifySeconds(double seconds) const;
 
   UnwrapOptions options_;
   double bytes_ = 0;  // of the mesh as sent
-  int charts_ = 0;    // as far as they are known
+  int charts_ = 0;    // 0 until the first report
   int phase_ = kCut;
-  // Of kCut: what the stage of charts told last of its part that is done, and when; 0: nothing yet.
+  // In kCut: when the stage of charts began, the fraction that it last reported, and when. 0 before that.
   double charts_began_ = 0, charts_part_ = 0, charts_told_ = 0;
-  std::array<double, kPhases> begin_ = {};  // of the phases so far
+  std::array<double, kPhases> begin_ = {};  // of each phase reached
   Stage stage_ = Stage::kUnspecified;
-  // Of kSolve.
+  // In kSolve:
   double solve_seconds_ = 0;  // expected
   int rounds_ = 0;            // that are over
   double round_began_ = 0;
@@ -67,6 +68,8 @@ struct JobProgress {
   std::int64_t received_bytes = 0;
   std::int64_t total_bytes = 0;
   std::string notice;  // shown instead of the stage
+  std::string image;   // shown in the end, instead of the stage: ImageText()
+  double image_fraction = 0;
   bool has_succeeded = false;
   WorkEstimate estimate;
   double worker_began = 0;  // in elapsed_seconds
@@ -79,6 +82,9 @@ struct JobProgress {
   // The way from the first residual of the present chart to the tolerance, on a logarithmic scale, in [0, 1].
   double ChartFraction() const;
 };
+
+// "Resampling wood.png (2 of 5)"
+std::string ImageText(const ImageProgress& progress);
 
 // What a line of PlainLine() has said last.
 struct LastLine {

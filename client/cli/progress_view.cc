@@ -19,7 +19,7 @@
 namespace planish::cli {
 namespace {
 
-// The time between two paintings.
+// The time between two repaints.
 constexpr std::chrono::milliseconds kFrame(80);
 
 class NoView : public ProgressView {
@@ -28,7 +28,7 @@ class NoView : public ProgressView {
   void Say(const std::string& line) override { std::cerr << line + "\n" << std::flush; }
 };
 
-// A job that is taken up, and the time since then.
+// A job in progress, and the time since its begin.
 struct Running {
   Timer timer;
   JobProgress progress;
@@ -39,7 +39,7 @@ struct Running {
   }
 };
 
-// Paints from a thread of its own, and ticks while nothing arrives.
+// Paints from its own thread, and updates the clock between events.
 class BarsView : public ProgressView {
  public:
   BarsView(const std::vector<std::string>& names, bool is_batch) : ProgressView(names, is_batch) {
@@ -63,6 +63,12 @@ class BarsView : public ProgressView {
     running_[job].progress.received_bytes = received;
     running_[job].progress.total_bytes = total;
   }
+  void OnImage(std::size_t job, const ImageProgress& image) override {
+    const std::lock_guard lock(mutex_);
+    JobProgress& progress = running_[job].progress;
+    progress.image = ImageText(image);
+    progress.image_fraction = static_cast<double>(image.number - 1) / static_cast<double>(image.count);
+  }
   void OnNotice(std::size_t job, const std::string& notice) override {
     const std::lock_guard lock(mutex_);
     running_[job].progress.notice = notice;
@@ -80,7 +86,7 @@ class BarsView : public ProgressView {
     const Terminal terminal = StderrTerminal();
     const bool usable = row.result == BatchResult::kUsable;
     if (is_batch_) {
-      // Of a batch that is resumed only the news scroll by.
+      // Of a resumed batch, only files that were done in this run get a line.
       if (row.result != BatchResult::kNotTried && !(row.kept && usable)) ended_.push_back(RowLine(row, terminal));
     } else if (usable) {
       JobProgress& progress = running_[job].progress;
@@ -102,7 +108,7 @@ class BarsView : public ProgressView {
     }
     painter_.join();
     const std::lock_guard lock(mutex_);
-    // What went wrong is told by others, in words.
+    // The caller reports errors.
     Write(Painting(0, true));
   }
 
@@ -135,7 +141,7 @@ class BarsView : public ProgressView {
   void PaintUntilStopped() {
     std::unique_lock lock(mutex_);
     for (int frame = 0; !stopped_; ++frame) {
-      // A quick job should not flash a bar at all before its last line.
+      // A quick job shows its last line only.
       if (frame > 0) {
         const std::string painting = Painting(frame, false);
         lock.unlock();
@@ -169,6 +175,7 @@ class LinesView : public ProgressView {
     const std::string line = PlainLine(event, said_[job]);
     if (!line.empty()) Print(job, line);
   }
+  void OnImage(std::size_t job, const ImageProgress& progress) override { OnNotice(job, ImageText(progress)); }
   void OnNotice(std::size_t job, const std::string& notice) override {
     if (!every_step_) return;
     const std::lock_guard lock(mutex_);
@@ -195,7 +202,8 @@ class LinesView : public ProgressView {
   std::vector<LastLine> said_;
 };
 
-// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; {"note"} is about the whole command,
+// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}, and per image that is drawn: {"image":
+// {"name", "number", "count"}}; {"note"} is about the whole command,
 // and
 // --verbose has more of them. In a batch "file" comes first, and there are notices, {"file", "notice"}, and ends,
 // {"file", "result"}.
@@ -216,6 +224,12 @@ class JsonView : public ProgressView {
       running_[job].Apply(event);
       json["fraction"] = running_[job].progress.Fraction();
     }
+    Print(json);
+  }
+  void OnImage(std::size_t job, const ImageProgress& progress) override {
+    Json json = Json::object();
+    if (is_batch_) json["file"] = names_[job];
+    json["image"] = {{"name", progress.name}, {"number", progress.number}, {"count", progress.count}};
     Print(json);
   }
   void OnNotice(std::size_t job, const std::string& notice) override {
@@ -251,13 +265,13 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
     OnNotice(job, why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   if (!verbose) return callbacks;
-  // Of a job that is watched the name is the job's own.
+  // Under `jobs watch` the view's name is the job's name, which is not repeated.
   const auto say = [this, job](const std::string& text) {
     const bool is_named = text.rfind(names_[job] + ",", 0) == 0;
     Say(Printable(is_named ? text : names_[job] + ": " + text, true));
   };
   callbacks.on_event = [say, told = callbacks.on_event, known = std::string()](const Event& event) mutable {
-    // A job that was lost goes on under another name.
+    // A lost job is submitted again under another name.
     if (event.job && event.job->name != known) {
       known = event.job->name;
       say(known + ", " + WithCommas(event.job->mesh_bytes) + " bytes sent, " + Megabytes(event.job->memory_bytes) +
@@ -272,14 +286,14 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
   return callbacks;
 }
 
-std::unique_ptr<ProgressView> NewProgressView(const Arguments& arguments, const std::vector<std::string>& names,
+std::unique_ptr<ProgressView> NewProgressView(const TerminalArguments& terminal, const std::vector<std::string>& names,
                                               bool is_batch) {
-  ProgressMode mode = arguments.progress;
+  ProgressMode mode = terminal.ShownProgress();
   if (mode == ProgressMode::kAuto) {
-    const Terminal terminal = StderrTerminal();
-    const bool has_bars = terminal.is_tty && !terminal.is_dumb;
-    if (is_batch && !has_bars && !arguments.verbose) return std::make_unique<LinesView>(names, is_batch, false);
-    const bool has_lines = arguments.verbose || terminal.is_tty;
+    const Terminal screen = StderrTerminal();
+    const bool has_bars = screen.is_tty && !screen.is_dumb;
+    if (is_batch && !has_bars && !terminal.verbose) return std::make_unique<LinesView>(names, is_batch, false);
+    const bool has_lines = terminal.verbose || screen.is_tty;
     mode = has_bars ? ProgressMode::kBar : has_lines ? ProgressMode::kPlain : ProgressMode::kNone;
   }
   switch (mode) {

@@ -4,33 +4,24 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "Eigen/Geometry"
-#include "client/cli/commands.h"
-#include "client/cli/mesh_input.h"
-#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/uv_islands.h"
-#include "core/base/timer.h"
 #include "core/mesh/predicates.h"
+#include "planish/error.h"
 
 namespace planish::cli {
 namespace {
 
-// An area in the map below this share of the square of the island's extent may be nothing but rounding.
+// Below this fraction of the squared extent of an island, its area in the map may be rounding error.
 constexpr double kNoArea = 1e-6;
-// Where islands are points in the map they are packed as squares of this side, which the packer enlarges to a texel;
-// smaller ones than a thousandth of that are points.
+// An island smaller than kPoint in the map counts as a point. It is packed as a square of side kSquareSide, which the
+// packer enlarges to a texel.
 constexpr double kSquareSide = 1e-6, kPoint = 1e-9;
-// Of the size of the whole surface: how large islands count that are a point on it.
+// Size of an island that is a point on the surface, as a fraction of the size of the whole surface.
 constexpr double kPointSize = 1e-6;
 
 Vec2 At(const std::vector<double>& uv, std::size_t corner) {
@@ -45,7 +36,7 @@ double SurfaceArea(const Mesh& mesh, std::size_t f) {
 
 // Sizes of an island on the surface and in the map.
 struct Extent {
-  double surface_area = 0, surface_length = 0;  // lengths are those of all edges
+  double surface_area = 0, surface_length = 0;  // lengths: the sum of all edges
   double map_area = 0, map_length = 0, signed_map_area = 0;
   Eigen::AlignedBox2d box;
 
@@ -70,7 +61,7 @@ std::vector<Extent> Measure(const Mesh& mesh, const std::vector<double>& uv, con
   return extents;
 }
 
-// Lengths on the surface over lengths in the map, per island.
+// Per island: length on the surface divided by length in the map.
 std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
   double whole_area = 0;
   for (const Extent& extent : extents) whole_area += extent.surface_area;
@@ -89,7 +80,7 @@ std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
   return scales;
 }
 
-// Per island the mean of its faces' weights.
+// Per island: the mean weight of its faces.
 std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, const std::vector<double>& face_weights) {
   struct Sums {
     double area = 0, weighted = 0, faces = 0, counted = 0;
@@ -108,7 +99,8 @@ std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, cons
   return means;
 }
 
-// The islands round their lower left corners, and which place of each a corner of the mesh has.
+// The islands, relative to their lower left corners, and for each corner of the mesh its index among the positions of
+// its island.
 struct Charts {
   std::vector<PackChart> charts;
   std::vector<std::int32_t> position_of_corner;
@@ -123,7 +115,7 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     faces[islands.island_of_face[f]].push_back(static_cast<std::int32_t>(f));
   }
-  // Islands may touch in a place, so each has its own numbers for its places.
+  // Islands may touch in a place, so each island numbers its places separately.
   std::vector<std::int32_t> number(islands.num_places), island_of_number(islands.num_places, -1);
   for (std::int32_t i = 0; i < islands.count; ++i) {
     PackChart& chart = result.charts[i];
@@ -144,7 +136,8 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   return result;
 }
 
-// What to pack instead of a point at 0, which is no shape; its own places stay the first.
+// Packs a small square in place of an island that is a point at 0. The island keeps its own positions, before those of
+// the square.
 void MakeSquare(PackChart* chart) {
   const auto first = static_cast<std::int32_t>(chart->positions.size());
   const double half = kSquareSide / chart->density / 2;
@@ -193,6 +186,26 @@ double CoveredShare(const std::vector<float>& uv, int tiles) {
   return static_cast<double>(std::count(covered.begin(), covered.end(), 1)) / static_cast<double>(covered.size());
 }
 
+constexpr int kLeastTextureSize = 16, kMostTextureSize = 65536;
+
+// The smallest power of two whose tiles may hold `area` square texels.
+int LeastTextureSize(double area, const PackOptions& atlas) {
+  int size = kLeastTextureSize;
+  while (size < kMostTextureSize && (size <= atlas.padding + 1 || area > 1.0 * atlas.tiles * size * size)) size *= 2;
+  return size;
+}
+
+Error NoRoom(double wanted, double most, const PackOptions& atlas) {
+  const std::string size = std::to_string(atlas.texture_size);
+  return Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+               "texels_per_unit: a texture of " + size + " x " + size + " texels" +
+                   (atlas.tiles > 1 ? " in each tile" : "") + " has room for at most " + Significant(most, 4) +
+                   " texels per unit, " + Significant(most / wanted, 3) + " of the " + Significant(wanted, 6) +
+                   " asked for; ask for fewer, or allow more tiles" +
+                   (atlas.texture_size < kMostTextureSize ? " or a larger texture" : ""),
+               {{"field", "texels_per_unit"}, {"most", Significant(most, 6)}, {"texture_size", size}});
+}
+
 }  // namespace
 
 Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon,
@@ -208,7 +221,7 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     const std::vector<double> weights = MeanWeights(mesh, islands, options.face_weights);
     for (std::size_t i = 0; i < scales.size(); ++i) scales[i] *= weights[i];
   }
-  // Densities are relative; with these the whole has about the area of a tile before it is packed.
+  // Densities are relative. They are scaled so that all islands together have the area of one tile.
   double whole_area = 0;
   for (std::size_t i = 0; i < extents.size(); ++i) whole_area += extents[i].map_area * scales[i] * scales[i];
   const double size = whole_area > 0 ? std::sqrt(whole_area) : 1;
@@ -218,8 +231,23 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     if (extents[i].box.sizes().maxCoeff() * chart.density < kPoint) MakeSquare(&chart);
   }
 
-  result.packing = Pack(charts.charts, options.atlas, execution);
-  if (execution.IsCancelled()) return result;
+  const bool have_area = std::any_of(extents.begin(), extents.end(), [](const Extent& each) { return each.HasArea(); });
+  const double wanted = have_area ? options.texels_per_unit : 0;
+  PackOptions atlas = options.atlas;
+  if (wanted > 0 && options.finds_texture_size) {
+    atlas.texture_size = LeastTextureSize(whole_area * wanted * wanted, atlas);
+  }
+  double density = 0;
+  while (true) {
+    if (wanted > 0) atlas.most_scale = wanted * size / atlas.texture_size;
+    result.packing = Pack(charts.charts, atlas, execution);
+    if (execution.IsCancelled()) return result;
+    density = result.packing.scale / size * atlas.texture_size;
+    if (density >= (1 - 1e-9) * wanted) break;
+    if (!options.finds_texture_size || atlas.texture_size >= kMostTextureSize) throw NoRoom(wanted, density, atlas);
+    atlas.texture_size *= 2;
+  }
+  result.texture_size = atlas.texture_size;
   result.uv.resize(uv.size());
   for (std::size_t c = 0; 2 * c < uv.size(); ++c) {
     const std::int32_t island = islands.island_of_face[c / 3];
@@ -234,221 +262,8 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
   }
   result.lost_to_rounding = CountLost(uv, result.uv);
   result.covered = CoveredShare(result.uv, result.packing.tiles);
-  if (!options.keep_density && result.without_area < result.islands) {
-    result.texels_per_unit = result.packing.scale / size * options.atlas.texture_size;
-  }
+  if (!options.keep_density && have_area) result.texels_per_unit = density;
   return result;
-}
-
-namespace {
-
-constexpr std::size_t kMaxNamedFaces = 8;
-
-// "9 faces have no UV": throws if any triangle is `at_fault`, with the file's faces, each once.
-void RefuseFaces(const MeshInput& input, const std::string& reason, const std::string& one, const std::string& many,
-                 const std::function<bool(std::size_t)>& at_fault) {
-  std::int64_t count = 0, last = -1;
-  std::string ids;
-  for (std::size_t t = 0; t < input.mesh().faces.size(); ++t) {
-    const std::int64_t face = input.triangulation().source_polygon[t];
-    if (face == last || !at_fault(t)) continue;
-    last = face;
-    if (++count <= static_cast<std::int64_t>(kMaxNamedFaces)) ids += (ids.empty() ? "" : ",") + std::to_string(face);
-  }
-  if (count == 0) return;
-  throw Error(ErrorCode::kInvalidArgument, reason, input.path() + ": " + Counted(count, "face " + one, "faces " + many),
-              {{count == 1 ? "face" : "faces", ids}});
-}
-
-// Throws for what has no islands to pack.
-void CheckUv(const MeshInput& input, const Arguments& arguments) {
-  const Mesh& mesh = input.mesh();
-  if (mesh.faces.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "MESH_EMPTY", input.path() + ": no faces; there is nothing to pack");
-  }
-  const std::vector<std::int32_t> ids = input.CornerTexcoords();
-  if (std::all_of(ids.begin(), ids.end(), [](std::int32_t id) { return id < 0; })) {
-    throw Error(ErrorCode::kInvalidArgument, "UV_MISSING",
-                input.path() + " has no UV" +
-                    (arguments.texcoord > 0 ? " number " + std::to_string(arguments.texcoord) : "") +
-                    "; pack moves those that there are, planish unwrap makes them");
-  }
-  RefuseFaces(input, "UV_MISSING", "has no UV", "have no UV", [&](std::size_t t) {
-    return std::min({ids[3 * t], ids[3 * t + 1], ids[3 * t + 2]}) < 0;
-  });
-  const std::vector<double> uv = input.CornerUv();
-  RefuseFaces(input, "UV_NOT_FINITE", "has UV at NaN or infinity", "have UV at NaN or infinity", [&](std::size_t t) {
-    return !std::all_of(uv.begin() + 6 * static_cast<std::ptrdiff_t>(t),
-                        uv.begin() + 6 * static_cast<std::ptrdiff_t>(t + 1), [](double x) { return std::isfinite(x); });
-  });
-  RefuseFaces(input, "MESH_POSITION_NOT_FINITE", "has a vertex at NaN or infinity", "have vertices at NaN or infinity",
-              [&](std::size_t t) {
-                return !std::all_of(mesh.faces[t].begin(), mesh.faces[t].end(),
-                                    [&](std::int32_t v) { return mesh.positions[v].allFinite(); });
-              });
-}
-
-std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas) {
-  std::vector<Warning> warnings;
-  if (done.packing.padding < atlas.padding) {
-    warnings.push_back({"PADDING_REDUCED",
-                        Counted(atlas.padding, "texel", "texels") + " between so many islands leave no room: " +
-                            Significant(done.packing.padding, 3) + " are kept; give more texels or tiles",
-                        {}});
-  }
-  if (done.without_area > 0) {
-    warnings.push_back({"UV_WITHOUT_AREA",
-                        Counted(done.without_area, "island has", "islands have") + " no area in the map: " +
-                            (done.without_area == 1 ? "its" : "their") + " UV lie on a line or a point",
-                        {}});
-  }
-  if (done.lost_to_rounding > 0) {
-    warnings.push_back({"UV_PRECISION",
-                        "rounding to float turned or flattened " +
-                            Counted(done.lost_to_rounding, "triangle", "triangles") + " that had some area",
-                        {}});
-  }
-  return warnings;
-}
-
-std::string DensityText(const Arguments& arguments, const Repacking& done) {
-  const std::string weighted = arguments.material_weights.empty() ? "" : ", times the weights given";
-  if (arguments.keep_density) return ", sizes kept relative to each other" + weighted;
-  if (done.texels_per_unit == 0) return "";
-  return ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length" + weighted;
-}
-
-// What was done, for people.
-std::string PackSummary(const Arguments& arguments, const PackOptions& atlas, const Repacking& done, double seconds,
-                        const std::vector<Warning>& warnings) {
-  const std::string size = WithCommas(atlas.texture_size);
-  std::string text = "Packed " + Counted(done.islands, "island", "islands") +
-                     (done.mirrored > 0 ? " (" + WithCommas(done.mirrored) + " mirrored)" : "") + " in " +
-                     Duration(seconds) + (arguments.output == "-" ? "" : " into " + arguments.output) + ": " +
-                     Counted(done.packing.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
-                     Fixed(100 * done.covered, 0) + " % of them used, " + Significant(done.packing.padding, 3) +
-                     (done.packing.padding == 1 ? " texel" : " texels") + " between islands" +
-                     DensityText(arguments, done) + ".\n";
-  for (const Warning& warning : warnings) text += "warning: " + warning.message + " [" + warning.reason + "]\n";
-  return ForTerminal(PrintableLines(text, true), StderrTerminal());
-}
-
-Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOptions& atlas, const Repacking& done,
-              double pack_seconds, double seconds, const std::vector<Warning>& warnings) {
-  Json json = {{"file", input.path()},
-               {"input", {{"triangles", input.view().triangle_count()}, {"vertices", input.view().vertex_count()}}},
-               {"islands", done.islands},
-               {"mirrored", done.mirrored},
-               {"density", arguments.keep_density ? "keep" : "equal"},
-               {"weights", arguments.material_weights},
-               {"atlas",
-                {{"texture_size", atlas.texture_size},
-                 {"padding", atlas.padding},
-                 {"padding_kept", done.packing.padding},
-                 {"tiles", done.packing.tiles},
-                 {"effort", ToString(arguments.options.effort)},
-                 {"texels_per_unit", done.texels_per_unit}}},
-               {"packing_efficiency", done.covered},
-               {"seconds", {{"pack", pack_seconds}, {"total", seconds}}},
-               {"warnings", Json::array()}};
-  for (const Warning& warning : warnings) {
-    json["warnings"].push_back({{"reason", warning.reason}, {"message", warning.message}});
-  }
-  if (arguments.output != "-") json["output"] = arguments.output;
-  return json;
-}
-
-int Fail(const Arguments& arguments, const MeshInput* input, const Error& error, double seconds) {
-  std::cerr << ErrorText(error, Places(error.metadata(), input), StderrTerminal());
-  if (arguments.json) {
-    Failure failure = FailureOf(error);
-    if (input != nullptr) {
-      failure.triangles = input->view().triangle_count();
-      failure.vertices = input->view().vertex_count();
-    }
-    failure.total_seconds = seconds;
-    std::cout << ToText(ReportJson(failure)) << std::flush;
-  }
-  return ExitCodeOf(error);
-}
-
-PackEffort ToPackEffort(Effort effort) {
-  switch (effort) {
-    case Effort::kFast:
-      return PackEffort::kFast;
-    case Effort::kNormal:
-      return PackEffort::kNormal;
-    case Effort::kBest:
-      return PackEffort::kBest;
-  }
-  return PackEffort::kNormal;
-}
-
-int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
-  CheckUv(input, arguments);
-  const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.texcoord, arguments.output_texcoord, arguments.textures);
-  if (!arguments.preview.empty()) CheckOutput(arguments.preview);
-
-  RepackOptions options;
-  options.keep_density = arguments.keep_density;
-  options.face_weights = input.FaceWeights(arguments.material_weights);
-  const int texture_side = input.TextureSideEstimate(outputs);
-  if (texture_side > 0 && arguments.options.tiles > 1) {
-    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                input.path() + ": its images move into the new map, which must be one tile: leave --tiles out, or give "
-                               "--textures=keep or --textures=drop",
-                {{"field", "textures"}});
-  }
-  if (texture_side > 0) options.atlas.texture_size = texture_side;
-  if (arguments.options.texture_size != 0) options.atlas.texture_size = arguments.options.texture_size;
-  options.atlas.padding = arguments.options.padding.value_or(options.atlas.padding);
-  options.atlas.effort = ToPackEffort(arguments.options.effort);
-  if (arguments.options.tiles != 0) options.atlas.tiles = arguments.options.tiles;
-
-  const Timer pack_timer;
-  Repacking done;
-  const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
-    done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);
-  });
-  const double pack_seconds = pack_timer.Seconds();
-  if (is_interrupted) {
-    std::cerr << "planish: interrupted; nothing was written\n";
-    if (arguments.json) {
-      Failure failure = FailureOf(Error(ErrorCode::kCancelled, "CANCELLED", "interrupted"));
-      failure.total_seconds = timer.Seconds();
-      std::cout << ToText(ReportJson(failure)) << std::flush;
-    }
-    return kInterrupted;
-  }
-
-  const Uv uv(std::move(done.uv));
-  std::vector<Warning> warnings = WarningsOf(done, options.atlas);
-  const WrittenMesh written =
-      input.WithUv(uv, input.WithTextureSize(outputs, arguments.options.texture_size, options.atlas.texture_size,
-                                             static_cast<int>(options.atlas.padding), {}));
-  for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
-  WriteAll(written.files, interrupts);
-  if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
-
-  const double seconds = timer.Seconds();
-  if (!arguments.quiet) std::cerr << PackSummary(arguments, options.atlas, done, seconds, warnings);
-  if (arguments.json) {
-    std::cout << ToText(PackJson(input, arguments, options.atlas, done, pack_seconds, seconds, warnings)) << std::flush;
-  }
-  return kOk;
-}
-
-}  // namespace
-
-int RunPack(const Arguments& arguments, Interrupts& interrupts) {
-  const Timer timer;
-  std::optional<MeshInput> input;
-  try {
-    input.emplace(std::vector<std::string>{arguments.input}, arguments.texcoord);
-    return PackFile(*input, arguments, interrupts, timer);
-  } catch (const Error& error) {
-    return Fail(arguments, input ? &*input : nullptr, error, timer.Seconds());
-  }
 }
 
 }  // namespace planish::cli

@@ -7,10 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/arguments.h"
+#include "client/cli/check.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/report_page.h"
 #include "client/cli/results.h"
+#include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
 namespace planish::cli {
@@ -18,7 +19,7 @@ namespace planish::cli {
 // A file on the sheet.
 struct SheetRow {
   std::string name;
-  std::string page;            // place of its page below ReportSheet::pages(), with '/'; empty: there is none
+  std::string page;            // path of its page below ReportSheet::pages(), with '/'; empty without a page
   std::string result;          // "usable", "failed", ...: ToString(BatchResult); "shown" where nothing was unwrapped
   std::string message;         // why it failed or is not usable
   Json card;                   // FinishedPage::card; null without a page
@@ -56,14 +57,15 @@ class ReportSheet {
 std::string SheetPage(const std::string& title, const std::string& pages_from_sheet, const std::vector<SheetRow>& rows);
 
 // A PNG file of some 20 KB: the surface with a checkerboard in its UV, and the layout beside it. `uv` as in DrawMap(),
-// but anywhere; what is not inside the unit square is drawn smaller.
+// but not limited to the unit square: a larger layout is scaled down.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
-// The map of `result`, whose warnings have the file's ids, and beside it the UV that `input` had, if all of it has
-// some.
-FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+// A page about the map of `result`, whose warnings have the file's ids, beside the UV of `input`, if it has any.
+// `output`: the file that was written, "-" is stdout. `options`: the options of the unwrap.
+FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+                          const UnwrapOptions& options);
 
-// A page of a batch's sheet.
+// A page of a sheet.
 struct SheetPageJob {
   const ReportSheet& sheet;
   std::string page;    // its place on the sheet
@@ -72,10 +74,27 @@ struct SheetPageJob {
 };
 
 // Writes the page of a file that was unwrapped; gives its card.
-Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
+               const UnwrapOptions& options);
 
-// The same for a file that an earlier run has done: its page stays if it was made of the same. Otherwise there is a new
-// one of the output alone, without what it was before and how it was solved.
-Json KeepPage(const SheetPageJob& job, int texcoord, const Arguments& arguments);
+// The same for a file that an earlier run has done: its page is kept if `made` is equal. Otherwise a new page is
+// written, of the output alone, without the UV before and the solve.
+Json KeepPage(const SheetPageJob& job, int texcoord, const UnwrapOptions& options);
+
+// ---- Pages about the UV that files have
+
+// Tiles of a page; 0: the defaults of MapCheckOptions.
+struct PageTiles {
+  int texture_size = 0;
+  int tiles = 0;
+  double padding = 2;  // texels
+};
+MapCheckOptions CheckOptionsOf(const PageTiles& tiles);
+
+// Throws UV_MISSING.
+void RequireUv(const MeshInput& input, const CheckedMap& map);
+
+// Writes a page of a sheet; gives its card, null after an interrupt.
+Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const PageTiles& tiles, const Execution& execution);
 
 }  // namespace planish::cli

@@ -56,7 +56,7 @@ void AppendVarint(std::uint64_t value, std::string* bytes) {
   bytes->push_back(static_cast<char>(value));
 }
 
-// Differences of numbers that follow each other, small ones in a byte.
+// Encodes differences of successive numbers; small differences take a byte.
 class Differences {
  public:
   void Add(std::int64_t value) {
@@ -73,7 +73,7 @@ class Differences {
   std::string bytes_;
 };
 
-// Component after component of `count` values: the low bytes of the differences, then the high ones.
+// Encodes each component of `count` values: first the low bytes of all differences, then the high bytes.
 std::string Planes(std::size_t count, int components, const std::function<double(std::size_t, int)>& at) {
   std::string bytes(2 * count * static_cast<std::size_t>(components), '\0');
   for (int k = 0; k < components; ++k) {
@@ -106,7 +106,7 @@ std::string Deflated(const std::string& bytes) {
   return result;
 }
 
-// One map as data: bytes of sections, and a JSON that tells what they are.
+// Writes one map as binary sections and a JSON that describes them.
 class MapWriter {
  public:
   explicit MapWriter(const ReportedMap& reported)
@@ -142,7 +142,7 @@ class MapWriter {
   std::size_t num_faces() const { return map_.mesh.faces.size(); }
   std::int64_t PolygonOf(std::size_t face) const { return reported_.input.PolygonOf(map_.triangle_of_face[face]); }
 
-  // Places are numbered as faces use them first, so that most of their numbers need not be told.
+  // Numbers places in the order of their first use by faces, so that most indices need not be stored.
   void AddGeometry() {
     std::vector<std::int32_t> number(static_cast<std::size_t>(map_.topology.num_places), -1);
     std::string indices;
@@ -212,7 +212,7 @@ class MapWriter {
     return static_cast<char>(std::lround(kTopByte * std::clamp(share, 0.0, 1.0)));
   }
 
-  // Per half-edge: the other face on the surface's edge; -1 where there is none, or more than one.
+  // Per half-edge: the face on the other side of the edge on the surface; -1 unless there is exactly one.
   std::vector<std::int32_t> FacesAcross() const {
     std::vector<std::int32_t> across(3 * num_faces(), -1);
     const EdgeGroups edges = GroupHalfEdges(map_.mesh.faces, map_.mesh.num_vertices());
@@ -238,7 +238,7 @@ class MapWriter {
     return tiles;
   }
 
-  // A list for each of their numbers.
+  // The figures of the charts, a list for each figure.
   Json Charts() const {
     Json charts = Json::object();
     for (std::size_t c = 0; c < check_.charts.size(); ++c) {
@@ -283,7 +283,7 @@ class MapWriter {
         kMirroredFace);
     std::size_t named = 0;
     for (const ChartPair& pair : check_.spacing.near) {
-      // Charts that lie on each other are told as overlaps.
+      // Charts that overlap are reported as overlaps.
       if (pair.distance == 0 && check_.overlaps.pairs > 0) continue;
       if (++named > kMaxNamedPairs) break;
       findings.push_back({{"kind", "near"},
@@ -311,7 +311,7 @@ class MapWriter {
   std::vector<std::pair<std::string, std::string>> sections_;
 };
 
-// Whole numbers in a text such as "3,17".
+// Parses integers from text such as "3,17".
 std::set<std::int64_t> NumbersIn(const std::string& text) {
   std::set<std::int64_t> numbers;
   std::int64_t number = -1;
@@ -325,8 +325,8 @@ std::set<std::int64_t> NumbersIn(const std::string& text) {
   return numbers;
 }
 
-// What the page tells of how the map was made: `unwrap` without what it does not show. Charts that took most steps have
-// their residuals, as many as there is room for.
+// The part of `unwrap` that the page shows. Residuals are kept for the charts with the most steps, as far as the limit
+// allows.
 Json SolveJson(const Json& unwrap) {
   Json kept = Json::object();
   for (const char* key : {"charts", "seconds", "warnings", "tolerance"}) {
@@ -358,7 +358,8 @@ Json SolveJson(const Json& unwrap) {
   return kept;
 }
 
-// Warnings of the unwrap that name faces can be shown, as findings of the map; the others stay in `unwrap`.
+// Moves warnings of the unwrap that name faces to the findings of the map, where the page can show them. Other warnings
+// stay in `unwrap`.
 void ShowWarnings(const ReportedMap& reported, Json* unwrap, Json* findings) {
   Json others = Json::array();
   for (const Json& warning : unwrap->value("warnings", Json::array())) {

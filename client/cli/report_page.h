@@ -12,7 +12,7 @@
 
 namespace planish::cli {
 
-// A map on the page. What it refers to must live until the page is made.
+// A map on the page. Its references must stay valid until the page is made.
 struct ReportedMap {
   std::string name;  // "hero.glb", "before"
   const MeshInput& input;
@@ -21,7 +21,7 @@ struct ReportedMap {
   double padding = 0;  // texels round charts that the layout shows
 };
 
-// What belongs to a page of a sheet (report.h).
+// What a page of a sheet has in addition (report.h).
 struct SheetMember {
   std::string sheet;    // where the sheet is, seen from the page: "../index.html"
   std::string made;     // what the page was made of, so that a later run knows it again
@@ -30,7 +30,7 @@ struct SheetMember {
 
 struct FinishedPage {
   std::string html;
-  // What a sheet shows of the last map: "triangles", "charts", "stretch" (L2), "efficiency", "overlaps" (pairs),
+  // The figures of the last map for a sheet: "triangles", "charts", "stretch" (L2), "efficiency", "overlaps" (pairs),
   // "flipped", "warnings" (as many as the page lists); of a member "made" and "picture" (base64) too.
   Json card;
 };
@@ -51,7 +51,7 @@ std::string ForScript(const Json& json);
 // A page of client/report with `data` where its data belong.
 std::string FillTemplate(std::string_view page, const std::string& data);
 
-// The built pages of client/report, as they are in the repository.
+// The built pages of client/report, from the repository.
 std::string_view ReportTemplate();  // of one mesh, or two
 std::string_view SheetTemplate();   // of many: report.h
 

@@ -26,7 +26,7 @@ std::string TimeText(Job::Time time) {
   return text;
 }
 
-// Another key than the field's name.
+// Renames a key whose JSON name differs from its field.
 void Rename(const char* name, const char* key, Json* json) {
   (*json)[key] = (*json)[name];
   json->erase(name);
@@ -265,7 +265,7 @@ std::string SolverName(const ChartReport& chart) {
   return name;
 }
 
-// The solvers in use, those of most triangles first: " (uzawa+amg, uzawa+cholesky)".
+// The solvers in use, ordered by their numbers of triangles: " (uzawa+amg, uzawa+cholesky)".
 std::string SolversText(const std::vector<ChartReport>& charts) {
   std::map<std::string, std::int64_t> triangles;
   for (const ChartReport& chart : charts) triangles[SolverName(chart)] += chart.triangles;
@@ -276,7 +276,7 @@ std::string SolversText(const std::vector<ChartReport>& charts) {
   return names.empty() ? "" : " (" + Join(names, ", ") + ")";
 }
 
-// What became of the outlines of BOUNDARY_CONVEX: one line, whatever the number of charts.
+// The state of the outlines with BOUNDARY_CONVEX, in one line for all charts.
 std::string OutlinesText(const std::vector<ChartReport>& charts) {
   std::int64_t settled = 0, active = 0, vertices = 0;
   for (const ChartReport& chart : charts) {
@@ -381,7 +381,7 @@ std::string StretchText(const Report& report) {
               : "");
 }
 
-// What --verbose adds.
+// The lines that --verbose adds.
 std::string Details(const Report& report) {
   const StageTimes& times = report.times;
   std::string text = "Seconds:";
@@ -402,7 +402,7 @@ std::string Details(const Report& report) {
          " at most, with " + Counted(report.threads, "thread", "threads") + ".\n" + ChartsText(report);
 }
 
-// A line each; of many with the same reason the first few, unless `all` are wanted.
+// A line for each warning. Unless `all`, only the first few of many with the same reason.
 std::string WarningsText(const std::vector<Warning>& warnings, const std::vector<std::string>& places, bool all,
                          const Terminal& terminal) {
   std::map<std::string, std::size_t> count;

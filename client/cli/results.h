@@ -30,7 +30,7 @@ Json ToJson(const Capabilities& capabilities);
 Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output,
                 const std::vector<std::string>& atlas_names = {});
 
-// What is known of a job that did not.
+// The data of a job that failed.
 struct Failure {
   std::string job;
   std::string trace_id;
@@ -49,15 +49,16 @@ Json ReportJson(const Failure& failure);
 struct SummaryOptions {
   std::string output = "";                    // the file that was written; empty: none
   bool verbose = false;                       // also how it was solved, and every warning
-  double start_seconds = 0;                   // of the total: until a private server was there; 0: there was none
+  double start_seconds = 0;                   // seconds of the total until a private server was ready; 0 without one
   std::vector<std::string> atlas_names = {};  // by number
-  // Of the report's warnings, by their numbers: where in the files, as Places() says (mesh_input.h). May be shorter.
+  // Per warning of the report: its places in the files (Places(), mesh_input.h). May be shorter than the list of
+  // warnings.
   std::vector<std::string> places = {};
 };
 
-// What came out, for people: charts, texture, stretch, seams and faults, in a few lines for any number of charts; a
-// line for each of several atlases, up to 20; the first few warnings of each kind; and, if the result is not usable,
-// why. With `verbose` also Newton's method, the seconds of each stage, memory and the largest charts.
+// The result, for people: charts, texture, stretch, seams and faults, in a few lines for any number of charts; a line
+// for each of several atlases, up to 20; the first few warnings of each kind; and, if the result is not usable, why.
+// With `verbose` also Newton's method, the seconds of each stage, memory and the largest charts.
 std::string Summary(const Report& report, const SummaryOptions& options, const Terminal& terminal);
 
 // Why the result is not usable; empty if it is.

@@ -19,7 +19,7 @@
 namespace planish::cli {
 namespace {
 
-// Items between commas, empty ones included.
+// The items between commas, including empty items.
 std::vector<std::string> Items(const std::string& text) {
   std::vector<std::string> items = {""};
   for (const char c : text) {
@@ -39,7 +39,7 @@ std::optional<Seams> PolicyNamed(const std::string& name) {
   return std::nullopt;
 }
 
-// What stands behind `prefix`; nothing if `item` begins otherwise.
+// The text after `prefix`; nothing if `item` does not begin with it.
 std::optional<std::string> After(const std::string& prefix, const std::string& item) {
   if (item.rfind(prefix, 0) != 0) return std::nullopt;
   return item.substr(prefix.size());
@@ -100,7 +100,7 @@ namespace {
   throw ErrorFrom(FileMalformed(path, line, message));
 }
 
-// Words of a line up to a #.
+// The words of a line before a #.
 std::vector<std::string> Words(const std::string& line) {
   std::istringstream stream(line.substr(0, line.find('#')));
   std::vector<std::string> words;
@@ -114,7 +114,7 @@ std::pair<std::int64_t, std::int64_t> EndsFacedBy(const Triangulation& triangles
   return {triangles.corner_of_triangle[first + (c + 1) % 3], triangles.corner_of_triangle[first + (c + 2) % 3]};
 }
 
-// Per corner: whether the edge that it faces is none of its polygon's own.
+// Per corner: whether it faces a diagonal of its polygon.
 std::vector<char> FacesDiagonal(const Triangulation& triangles) {
   std::vector<char> result(triangles.corner_of_triangle.size(), 0);
   const auto faces = static_cast<std::int64_t>(triangles.source_polygon.size());
@@ -215,7 +215,7 @@ std::vector<std::int32_t> PolygonEdges::UvFolds() const {
     const Vec2 a = uv[1] - uv[0], b = uv[2] - uv[0];
     uv_area[polygon] += (a.x() * b.y() - a.y() * b.x()) / 2;
   }
-  // Islands, and their parts between folds. Corners run the same way round both sides of an edge that is no fold.
+  // Islands, and their parts between folds. At a fold the polygons on both sides have UV areas of opposite sign.
   UnionFind islands(polygons), parts(polygons);
   std::vector<std::pair<HalfEdge, HalfEdge>> folds;
   const auto of = [&](const HalfEdge& h) { return static_cast<std::int32_t>(PolygonOf(h)); };

@@ -31,8 +31,8 @@ struct SeamList {
 inline constexpr double kDefaultHardEdge = 66;
 
 // Reads a comma-separated list of at most one policy (none, keep, needed, auto) and any number of sources (uv, hard,
-// hard:DEG, edges:FILE, materials, groups), and of uncut:FILE. Sources without a policy mean needed. Returns what is
-// wrong with `text`, empty if nothing.
+// hard:DEG, edges:FILE, materials, groups), and of uncut:FILE. Sources without a policy mean needed. Returns a message
+// about an error in `text`, or an empty string.
 std::string ParseSeamList(const std::string& text, SeamList* list);
 
 // ---- Edges from files
@@ -41,7 +41,7 @@ std::string ParseSeamList(const std::string& text, SeamList* list);
 // among them, nor edges of triangles that name a vertex twice.
 class PolygonEdges {
  public:
-  // Both must outlive this object; `triangles` is that of `file.mesh`. O(F log F).
+  // Both must outlive this object; `triangles` is the triangulation of `file.mesh`. O(F log F).
   PolygonEdges(const MeshFile& file, const Triangulation& triangles);
 
   // The edges between polygons with different UV at an end (or with UV on one side only), of different materials or of
@@ -49,9 +49,9 @@ class PolygonEdges {
   // Nothing where the file says nothing of the kind. An edge of more than two polygons counts if any two differ.
   std::vector<std::int32_t> UvBorders() const;
   // Edges at which UV islands are folded onto themselves, as where an artist has mirrored one half onto the other, in
-  // the same form: of islands that could not lie flat without stretch if they were unfolded, since their outline is
-  // shorter than that of a disc of the same area. Single faces that are turned over are no such fold: both sides have a
-  // hundredth of the island or more.
+  // the same form. Only islands count that could not lie flat without stretch if they were unfolded: their outline is
+  // shorter than the circumference of a disc of the same area. Each side of a fold has at least a hundredth of the
+  // island, so single flipped faces are not folds.
   std::vector<std::int32_t> UvFolds() const;
   std::vector<std::int32_t> MaterialBorders() const;
   std::vector<std::int32_t> GroupBorders() const;
@@ -67,7 +67,7 @@ class PolygonEdges {
   std::int64_t CountUvIslands() const;
 
  private:
-  // Half-edge c of the triangulation is the one that corner c faces.
+  // Half-edge c of the triangulation is opposite to corner c.
   struct HalfEdge {
     std::int32_t low, high;  // vertices of the file
     std::int32_t corner;
@@ -87,12 +87,11 @@ class PolygonEdges {
 
   const MeshFile& file_;
   const Triangulation& triangles_;
-  std::vector<HalfEdge> half_edges_;  // those of polygon edges, by their ends
+  std::vector<HalfEdge> half_edges_;  // half-edges of polygon edges, sorted by their ends
 };
 
-// The edges that no seam may follow, each as one corner that faces it, ascending: those that `list` names, and the
-// diagonals by which polygons were cut into triangles, or the file's polygons could not keep one UV per corner.
-// Throws planish::Error: as ListedIn.
+// The edges that no seam may follow, each as one corner that faces it, ascending: the edges that `list` names, and the
+// diagonals of triangulated polygons, since a polygon has one UV per corner. Throws planish::Error: as ListedIn.
 std::vector<std::int32_t> UncutCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list);
 
 // Everything that `list` takes from files, ascending, each edge once. Throws planish::Error: as ListedIn; and

@@ -12,7 +12,7 @@
 #include <memory>
 #include <utility>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/text.h"
 #include "core/base/timer.h"
 
@@ -22,13 +22,13 @@ Interrupts::Interrupts() {
   sigset_t watched;
   sigemptyset(&watched);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
-    // nohup and shells that start us in the background have said that this one is not for us.
+    // A signal ignored by the parent (nohup, a background job) stays ignored.
     struct sigaction action = {};
     sigaction(signal, nullptr, &action);
     if (action.sa_handler != SIG_IGN) sigaddset(&watched, signal);
   }
   pthread_sigmask(SIG_BLOCK, &watched, nullptr);
-  // Writing to a pipe whose reader left must be an error, not the end.
+  // Writing to a closed pipe must return an error, not end the process.
   signal(SIGPIPE, SIG_IGN);
   signals_ = Descriptor(signalfd(-1, &watched, SFD_CLOEXEC));
   stop_ = Descriptor(eventfd(0, EFD_CLOEXEC));
@@ -86,10 +86,9 @@ bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Exec
   return interrupter->IsInterrupted();
 }
 
-ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
-                           const ServerNeeds& needs)
-    : address_(address), interrupts_(interrupts) {
-  if (address.empty()) {
+ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs)
+    : address_(server.address), interrupts_(interrupts) {
+  if (address_.empty()) {
     PrivateServerOptions options;
     options.workers = needs.workers;
     options.threads = needs.threads;
@@ -97,7 +96,7 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
     const Timer timer;
     private_server_.emplace(options);
     start_seconds_ = timer.Seconds();
-    // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
+    // Leaving at once skips destructors. The server ends by itself, but its socket must be removed.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;
       std::filesystem::remove_all(directory, ignored);
@@ -105,10 +104,10 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
     interrupts.SetCancel({});
     interrupts.LeaveIfInterrupted();
   }
-  ClientOptions options = address.empty() ? needs.client : WithServerFlags(needs.client, flags);
-  // A private server that is lost does not come back.
-  if (address.empty()) options.reattach_timeout = options.retry_timeout = Seconds(1);
-  client_.emplace(address.empty() ? private_server_->target() : address, options);
+  ClientOptions options = private_server_ ? needs.client : WithServer(needs.client, server);
+  // A lost private server does not come back.
+  if (private_server_) options.reattach_timeout = options.retry_timeout = Seconds(1);
+  client_.emplace(private_server_ ? private_server_->target() : address_, options);
 }
 
 std::string ServerChoice::Description() {

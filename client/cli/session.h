@@ -17,17 +17,17 @@ namespace planish::cli {
 
 // ---- Ctrl-C, SIGTERM and SIGHUP: the first asks to cancel, the second leaves at once
 
-// One per process, made in main() before any other thread, because threads inherit its signal mask. Signals are read
-// from a descriptor by a thread, so that what they set off may do anything a thread may.
+// One per process, made in main() before any other thread, because threads inherit its signal mask. A thread reads
+// signals from a descriptor, so the callbacks are not restricted like signal handlers.
 class Interrupts {
  public:
   Interrupts();
   ~Interrupts();
 
-  // What the first signal sets off, on the thread of this class; must return soon. Without it the first signal
+  // The first signal calls `cancel` on the thread of this class; it must return soon. Without `cancel` the first signal
   // leaves at once.
   void SetCancel(std::function<void()> cancel);
-  // Done before leaving at once: what destructors would have done.
+  // Called before leaving at once, in place of destructors.
   void SetLastWords(std::function<void()> last_words);
 
   bool interrupted() const { return interrupted_; }
@@ -52,10 +52,10 @@ class Interrupts {
 // `work` on all cores; the first signal cancels it. Whether that happened.
 bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Execution&)>& work);
 
-// ---- The server: the one that --server names, or a private one
+// ---- The server of --server, or a private server
 
 struct ServerNeeds {
-  // Of a private server: jobs at a time, and threads that each may use (0: the cores, divided by `workers`).
+  // For a private server: concurrent jobs, and threads per job (0: cores divided by `workers`).
   int workers = 1;
   int threads = 0;
   ClientOptions client;
@@ -63,10 +63,8 @@ struct ServerNeeds {
 
 class ServerChoice {
  public:
-  // An empty address starts a private server, which needs none of `flags`; throws planish::Error if that fails, or as
-  // Client::Client does.
-  ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
-               const ServerNeeds& needs = {});
+  // Without an address, starts a private server. Throws planish::Error if that fails, or as Client::Client does.
+  ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs = {});
   ~ServerChoice();
 
   Client& client() { return *client_; }

@@ -36,7 +36,7 @@ Character CharacterAt(const std::string& text, std::size_t at) {
   return character;
 }
 
-// A terminal may act on it, or show what follows in another order.
+// Whether a terminal may interpret the character, or reorder the text after it.
 bool IsControl(const Character& character) {
   const utf8proc_property_t& property = *utf8proc_get_property(character.code);
   switch (property.bidi_class) {
@@ -102,7 +102,7 @@ std::string CutToWidth(const std::string& text, int columns, bool utf8) {
   if (left <= 0) return std::string(static_cast<std::size_t>(std::max(0, columns)), '.');
   std::vector<Character> characters;
   for (std::size_t i = 0; i < text.size(); i += characters.back().size) characters.push_back(CharacterAt(text, i));
-  // What takes no column, as an accent, belongs to the character before it and stays only with that.
+  // A character of width 0, such as an accent, stays with the character before it.
   std::size_t begin = text.size();
   for (auto it = characters.rbegin(); it != characters.rend() && (left -= it->Width()) >= 0; ++it) {
     if (it->Width() > 0) begin = it->begin;
@@ -118,7 +118,7 @@ std::string Wrapped(const std::string& text, int columns) {
     std::string line;  // not written yet
     bool has_word = false;
     for (std::size_t at = begin; at < end;) {
-      // Blanks and the word behind them.
+      // Spaces and the word after them.
       const std::size_t word = std::min(text.find_first_not_of(' ', at), end);
       const std::size_t next = std::min(text.find(' ', word), end);
       const std::string piece = text.substr(at, next - at);

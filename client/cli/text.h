@@ -12,18 +12,18 @@ namespace planish::cli {
 // combine with the character before. A byte that is no UTF-8 takes one.
 int DisplayWidth(const std::string& text);
 
-// A file's name as it may be shown. Control characters, those that turn the direction of writing, bytes that are no
-// UTF-8, and, unless `utf8`, characters that are not ASCII become '?'.
+// A printable form of a file name. Control characters, bidirectional controls, bytes that are not UTF-8, and, unless
+// `utf8`, non-ASCII characters become '?'.
 std::string Printable(const std::string& name, bool utf8);
 
-// The same of text that may have several lines.
+// The same for text of several lines.
 std::string PrintableLines(const std::string& text, bool utf8);
 
 // `text`, which has no colour codes; if it is wider than `columns`, an ellipsis and the end of it.
 std::string CutToWidth(const std::string& text, int columns, bool utf8);
 
-// `text` with its lines broken between words, so that none is wider than `columns` unless a word is. What is broken off
-// is indented by two columns.
+// Breaks lines of `text` between words, so that lines are at most `columns` wide unless a single word is wider.
+// Continuation lines are indented by two columns.
 std::string Wrapped(const std::string& text, int columns);
 
 // `text` filled with spaces to `columns`, behind it or, with `right`, before it.
@@ -56,7 +56,7 @@ Terminal StderrTerminal();
 // kAuto: colours on a terminal that can show them, unless $NO_COLOR is set.
 enum class ColorMode { kAuto, kAlways, kNever };
 
-// Text of whole lines as this terminal shows it best: broken between words. Pipes and files get it as it is.
+// Breaks lines between words for this terminal. Text for pipes and files is unchanged.
 std::string ForTerminal(const std::string& text, const Terminal& terminal);
 
 // Decides for the whole process. main() calls it before anything is printed in colour.

@@ -18,10 +18,10 @@ namespace planish::cli {
 
 namespace {
 
-// What the value of a label may have.
+// The longest value of a label.
 constexpr std::size_t kMaxLabelBytes = 256;
 
-// The end of a text that is too long, from the beginning of a character on.
+// The last bytes of a text that is too long, without a partial character.
 std::string LastBytes(const std::string& text, std::size_t most) {
   if (text.size() <= most) return text;
   std::size_t begin = text.size() - most;
@@ -31,43 +31,44 @@ std::string LastBytes(const std::string& text, std::size_t most) {
 
 }  // namespace
 
-std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file) {
-  std::map<std::string, std::string> labels = {{"file", LastBytes(ValidUtf8(file), kMaxLabelBytes)}};
-  for (const auto& [key, value] : arguments.labels) labels[ValidUtf8(key)] = ValidUtf8(value);
-  return labels;
+std::map<std::string, std::string> JobLabels(const std::map<std::string, std::string>& labels,
+                                             const std::string& file) {
+  std::map<std::string, std::string> all = {{"file", LastBytes(ValidUtf8(file), kMaxLabelBytes)}};
+  for (const auto& [key, value] : labels) all[ValidUtf8(key)] = ValidUtf8(value);
+  return all;
 }
 
-UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-                         int texcoord, std::optional<int> output_texcoord)
+UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, int texcoord, const MapArguments& map,
+                         const OutputArguments& output)
     : input_(inputs, texcoord),
-      seam_corners_(input_.SeamCorners(arguments.seams)),
-      uncut_corners_(input_.UncutCorners(arguments.seams)),
+      seam_corners_(input_.SeamCorners(map.seams)),
+      uncut_corners_(input_.UncutCorners(map.seams)),
       polygons_(input_.FacePolygons()) {
-  if (arguments.atlas_per) {
+  if (map.atlas_per) {
     constexpr std::size_t kMaxTiles = 100;
-    atlases_ = input_.AtlasesPer(*arguments.atlas_per);
-    const std::size_t tiles = atlases_.names.size() * static_cast<std::size_t>(std::max(1, arguments.options.tiles));
-    if (arguments.options.atlas_layout == AtlasLayout::kUdim && tiles > kMaxTiles) {
+    atlases_ = input_.AtlasesPer(*map.atlas_per);
+    const std::size_t tiles = atlases_.names.size() * static_cast<std::size_t>(std::max(1, map.options.tiles));
+    if (map.options.atlas_layout == AtlasLayout::kUdim && tiles > kMaxTiles) {
       throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                  std::string("--atlas-per=") + ToString(*arguments.atlas_per) + ": " + input_.path() + " makes " +
+                  std::string("--atlas-per=") + ToString(*map.atlas_per) + ": " + input_.path() + " makes " +
                       Counted(static_cast<std::int64_t>(atlases_.names.size()), "atlas", "atlases") + ", which take " +
                       std::to_string(tiles) + " tiles; UDIM has " + std::to_string(kMaxTiles) +
                       " here. --atlas-layout=stacked has no such limit",
                   {{"field", "face_atlas"}});
     }
   }
-  for (const double weight : input_.FaceWeights(arguments.material_weights)) {
+  for (const double weight : input_.FaceWeights(map.material_weights)) {
     weights_.push_back(static_cast<float>(weight));
   }
-  if (output.empty()) return;
-  outputs_ = input_.Outputs(output, texcoord, output_texcoord, arguments.textures);
-  asked_texture_size_ = arguments.options.texture_size;
-  padding_ = arguments.options.padding.value_or(2);
+  if (output.path.empty()) return;
+  outputs_ = input_.Outputs(output.path, texcoord, output.texcoord, output.textures);
+  asked_texture_size_ = map.options.texture_size;
+  padding_ = map.options.padding.value_or(2);
   texture_side_ = input_.TextureSideEstimate(outputs_);
-  if (texture_side_ > 0 && (!arguments.options.pack || arguments.options.tiles > 1)) {
+  if (texture_side_ > 0 && (!map.options.pack || map.options.tiles > 1)) {
     throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
                 input_.path() + ": its images move into the new map, which must be one tile for each atlas: " +
-                    (arguments.options.pack ? "leave --tiles out" : "leave --pack=off out") +
+                    (map.options.pack ? "leave --tiles out" : "leave --pack=off out") +
                     ", or give --textures=keep or --textures=drop",
                 {{"field", "textures"}});
   }
@@ -121,7 +122,7 @@ void WarnOfCutPolygons(const std::vector<std::int64_t>& faulty, std::int64_t tor
        {{"count", std::to_string(count)}, {"faces", FirstIds(faulty)}, {"written_as_several", std::to_string(torn)}}});
 }
 
-// Replaces the figures of the server, which verified the numbers it sent, by the figures of the files as written.
+// Replaces the figures of the server, which verified the UV that it sent, by figures measured on the written files.
 void JudgeWritten(const MeshInput& written, const std::string& path, Report* report) {
   MapCheckOptions options;
   options.texture_size = std::max(report->atlas.texture_size, 1);
@@ -131,7 +132,7 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   const CheckedMap map = CheckMapOf(written, options, {&team});
   const MapCheck& check = map.check;
   Quality& quality = report->quality;
-  // Charts that lie on each other on purpose are told from others by the server only.
+  // Only the server knows which charts overlap on purpose.
   const bool is_flat_atlas = report->atlas.pack && report->atlas.layout != AtlasLayout::kStacked;
   const std::int64_t overlapping = is_flat_atlas ? check.overlaps.pairs : quality.overlapping;
   const auto without_uv = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
@@ -162,7 +163,7 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
 }  // namespace
 
 std::vector<OutputFile> UnwrapFiles::WriteResult(UnwrapResult& result,
-                                                 const std::function<void(const std::string&)>& on_image,
+                                                 const std::function<void(const ImageProgress&)>& on_image,
                                                  const std::stop_token& stop) const {
   for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
   std::int64_t torn = 0;

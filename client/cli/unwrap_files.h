@@ -16,34 +16,41 @@
 
 namespace planish::cli {
 
-// The labels of a job on this file: those of the arguments, and "file" with the file's name unless the arguments have
-// it.
-std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file);
+// `labels` as a job on this file has them: with "file", the file's name, unless they have it.
+std::map<std::string, std::string> JobLabels(const std::map<std::string, std::string>& labels, const std::string& file);
+
+// The map that is wanted: options for the server, and seams, atlases and weights that come from the files.
+struct MapArguments {
+  UnwrapOptions options;  // seams and hard_edge_degrees as in `seams`
+  SeamList seams;
+  std::optional<AtlasPer> atlas_per;               // with kFile several files are one mesh
+  std::map<std::string, double> material_weights;  // times the texels per length, in [0.01, 100]
+};
 
 class UnwrapFiles {
  public:
-  // Reads the files, which become one mesh, and the seams, atlases and weights that `arguments` take from them; other
-  // paths in `arguments` do not matter. `output` and `output_texcoord` as for MeshInput::Outputs; empty: nothing will
-  // be written. Throws what that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the
-  // files do not have or that are too many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
-  UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
-              int texcoord, std::optional<int> output_texcoord);
+  // Reads the files, which become one mesh, and the seams, atlases and weights that `map` takes from them. `texcoord`
+  // and `output` as for MeshInput::Outputs; without a path nothing will be written. Throws what that and the
+  // constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the files do not have or that are too
+  // many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
+  UnwrapFiles(const std::vector<std::string>& inputs, int texcoord, const MapArguments& map,
+              const OutputArguments& output);
 
   const MeshInput& input() const { return input_; }
   // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
   MeshView view() const;
   // The names of the atlases by their numbers; empty without --atlas-per.
   const std::vector<std::string>& atlas_names() const { return atlases_.names; }
-  // What to ask the server for: `options`, in float where that is all that the output can hold, and with the texture
-  // size that keeps the texel density of images that move, unless `options` give one. Throws OUTPUT_UNSUPPORTED where
-  // `options` insist on double.
+  // The options for the server: `options`, with float precision if the output cannot hold double, and, unless they have
+  // a texture size or density, with the texture size that keeps the texel density of the images that move. Throws
+  // OUTPUT_UNSUPPORTED if `options` ask for double and the output cannot hold it.
   UnwrapOptions Options(UnwrapOptions options) const;
-  // Writes the output with the UV of `result`, and reads it again: the quality that `result` reports becomes that of
-  // the bytes written, as `planish check` finds it. Its warnings become those of the files: in their own ids, and with
-  // what was noticed on the way. `on_image` hears of each image that is moved, before; nothing is written once `stop`
-  // is asked for. Throws FILE_UNWRITABLE, CANCELLED, and what is wrong with images.
+  // Writes the output with the UV of `result`, and reads it back. The quality in `result` is replaced by the figures of
+  // the written bytes, as `planish check` measures them. Its warnings get the ids of the files, and new warnings about
+  // writing are added. `on_image` is called before each image is moved. After a stop request nothing is written. Throws
+  // FILE_UNWRITABLE, CANCELLED, and errors about images.
   std::vector<OutputFile> WriteResult(UnwrapResult& result,
-                                      const std::function<void(const std::string&)>& on_image = {},
+                                      const std::function<void(const ImageProgress&)>& on_image = {},
                                       const std::stop_token& stop = {}) const;
 
  private:

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "Eigen/Eigenvalues"
 #include "Eigen/Geometry"
 
 namespace planish {
@@ -29,14 +30,21 @@ bool IsInside(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
   return Cross(b - a, p - a) >= 0 && Cross(c - b, p - b) >= 0 && Cross(a - c, p - c) >= 0;
 }
 
-// The polygon in its own plane, counter-clockwise; empty if it has no plane.
-std::vector<Vec2> Flattened(const std::vector<Vec3>& outline) {
+// Newell's normal; its length is twice the polygon's area.
+Vec3 NewellNormal(const std::vector<Vec3>& outline) {
   Vec3 normal = Vec3::Zero();
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    normal += (outline[i] - outline[0]).cross(outline[(i + 1) % outline.size()] - outline[0]);
+  }
+  return normal;
+}
+
+// The polygon in the plane with this normal, seen from its tip; empty if the normal is zero or too large.
+std::vector<Vec2> Projected(const std::vector<Vec3>& outline, const Vec3& normal) {
   Vec3 longest = Vec3::Zero();
   for (std::size_t i = 0; i < outline.size(); ++i) {
-    const Vec3& next = outline[(i + 1) % outline.size()];
-    normal += (outline[i] - outline[0]).cross(next - outline[0]);
-    if ((next - outline[i]).squaredNorm() > longest.squaredNorm()) longest = next - outline[i];
+    const Vec3 side = outline[(i + 1) % outline.size()] - outline[i];
+    if (side.squaredNorm() > longest.squaredNorm()) longest = side;
   }
   const double length = normal.norm();
   if (!(length > 0) || length > 1e300) return {};
@@ -48,6 +56,11 @@ std::vector<Vec2> Flattened(const std::vector<Vec3>& outline) {
   std::vector<Vec2> points;
   for (const Vec3& p : outline) points.emplace_back((p - outline[0]).dot(x), (p - outline[0]).dot(y));
   return points;
+}
+
+// The polygon in its own plane, counter-clockwise; empty if it has no plane.
+std::vector<Vec2> Flattened(const std::vector<Vec3>& outline) {
+  return Projected(outline, NewellNormal(outline));
 }
 
 bool IsFan(const std::vector<Vec2>& points) {
@@ -125,16 +138,34 @@ std::vector<std::int32_t> AllCorners(const std::vector<Vec3>& outline) {
   return corners;
 }
 
+// Whether the segments from a to b and from c to d cross at an inner point of both.
+bool SegmentsCross(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
+  const auto sides_differ = [](const Vec2& p, const Vec2& q, const Vec2& r, const Vec2& s) {
+    return Cross(q - p, r - p) * Cross(q - p, s - p) < 0;
+  };
+  return sides_differ(a, b, c, d) && sides_differ(c, d, a, b);
+}
+
 // Whether two sides of a nearly planar quad cross. Then its triangles overlap, whichever diagonal cuts it. (If a quad
-// bends, they may overlap as well, which is not a fault.)
-bool IsBowTie(const std::vector<Vec3>& q) {
-  constexpr double kNearlyPlane = 0.01;  // height over the longest side
-  const auto normal = [&](int a, int b, int c) -> Vec3 { return (q[b] - q[a]).cross(q[c] - q[a]); };
-  const Vec3 at0 = normal(0, 1, 2), at1 = normal(1, 2, 3);
-  if (!(at0.dot(normal(0, 2, 3)) < 0 && at1.dot(normal(1, 3, 0)) < 0)) return false;
+// bends, they may overlap as well, which is not a fault.) The plane is that of least squares: the areas of a bow tie's
+// triangles cancel out in Newell's normal, and what remains of it may have any direction.
+bool IsBowTie(const std::vector<Vec3>& quad) {
+  constexpr double kNearlyPlane = 0.1;  // distance of a corner from the plane over the longest side
+  Vec3 center = Vec3::Zero();
+  for (const Vec3& p : quad) center += p / 4;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   double longest = 0;
-  for (int i = 0; i < 4; ++i) longest = std::max(longest, (q[(i + 1) % 4] - q[i]).norm());
-  return std::abs(at0.dot(q[3] - q[0])) <= kNearlyPlane * longest * at0.norm();
+  for (std::size_t i = 0; i < 4; ++i) {
+    covariance += (quad[i] - center) * (quad[i] - center).transpose();
+    longest = std::max(longest, (quad[(i + 1) % 4] - quad[i]).norm());
+  }
+  if (!(longest > 0) || !std::isfinite(covariance.sum())) return false;
+  const Vec3 normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvectors().col(0);
+  for (const Vec3& p : quad) {
+    if (std::abs(normal.dot(p - center)) > kNearlyPlane * longest) return false;
+  }
+  const std::vector<Vec2> q = Projected(quad, normal);
+  return !q.empty() && (SegmentsCross(q[0], q[1], q[2], q[3]) || SegmentsCross(q[1], q[2], q[3], q[0]));
 }
 
 }  // namespace

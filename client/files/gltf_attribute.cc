@@ -74,4 +74,21 @@ absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const Glt
   return result;
 }
 
+absl::StatusOr<std::vector<std::array<float, 4>>> CornerColors(const GltfMesh& gltf, const GltfPrimitive& primitive) {
+  std::size_t components = 4;
+  PLANISH_ASSIGN_OR_RETURN(std::vector<float> of_vertex, ReadVertexAttribute(gltf, primitive, "COLOR_0", 4));
+  if (of_vertex.empty()) {
+    components = 3;
+    PLANISH_ASSIGN_OR_RETURN(of_vertex, ReadVertexAttribute(gltf, primitive, "COLOR_0", 3));
+  }
+  std::vector<std::array<float, 4>> colors;
+  if (of_vertex.empty()) return colors;
+  for (std::int64_t c = 3 * primitive.first_polygon; c < 3 * (primitive.first_polygon + primitive.num_polygons); ++c) {
+    const auto v = components * static_cast<std::size_t>(gltf.corner_vertex[static_cast<std::size_t>(c)]);
+    std::array<float, 4>& color = colors.emplace_back(std::array<float, 4>{1, 1, 1, 1});
+    for (std::size_t k = 0; k < components; ++k) color[k] = of_vertex[v + k];
+  }
+  return colors;
+}
+
 }  // namespace planish

@@ -1,6 +1,7 @@
 // Vertex attributes as numbers, from accessors or from Draco. Used only in client/files.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -17,5 +18,8 @@ absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, con
 // The normals at the corners of the primitive's triangles, three numbers each: those of the vertices or, if there are
 // none, of the flat triangles, as glTF demands. Sets *are_given.
 absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive, bool* are_given);
+
+// COLOR_0 at the corners of the primitive's triangles, linear, with alpha; empty if it has none.
+absl::StatusOr<std::vector<std::array<float, 4>>> CornerColors(const GltfMesh& gltf, const GltfPrimitive& primitive);
 
 }  // namespace planish

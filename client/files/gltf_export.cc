@@ -6,7 +6,9 @@
 
 #include "client/files/gltf_document.h"
 #include "client/files/writers.h"
+#include "client/texture/image.h"
 #include "core/base/corner_split.h"
+#include "core/base/status_macros.h"
 #include "core/mesh/local_origin.h"
 
 namespace planish {
@@ -69,6 +71,34 @@ class GltfExport {
     json_["accessors"] = std::move(accessors_);
     json_["bufferViews"] = std::move(views_);
     json_["buffers"] = Json::array({{{"byteLength", buffer_.size()}}});
+  }
+
+  // Gives every primitive a material that shows the PNG.
+  void ShowImage(const std::string& png, bool has_alpha) {
+    Pad(&buffer_);
+    json_["images"] =
+        Json::array({{{"name", "colors"}, {"mimeType", "image/png"}, {"bufferView", json_["bufferViews"].size()}}});
+    json_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", buffer_.size()}, {"byteLength", png.size()}});
+    buffer_ += png;
+    json_["buffers"][0]["byteLength"] = buffer_.size();
+    json_["textures"] = Json::array({{{"source", 0}}});
+    Json& materials = json_["materials"];
+    const std::size_t plain = materials.size();
+    bool is_used = false;
+    for (Json& mesh : json_["meshes"]) {
+      for (Json& primitive : mesh["primitives"]) {
+        if (primitive.contains("material")) continue;
+        primitive["material"] = plain;
+        is_used = true;
+      }
+    }
+    if (is_used) materials.push_back({{"name", "colors"}});
+    for (Json& material : materials) {
+      Json info = {{"index", 0}};
+      if (texcoord_ > 0) info["texCoord"] = texcoord_;
+      material["pbrMetallicRoughness"] = {{"baseColorTexture", std::move(info)}, {"metallicFactor", 0}};
+      if (has_alpha) material["alphaMode"] = "BLEND";
+    }
   }
 
   Json& json() { return json_; }
@@ -160,10 +190,14 @@ class GltfExport {
 }  // namespace
 
 absl::StatusOr<WrittenMesh> PlainGltf(const PolygonMesh& mesh, const std::vector<double>& corner_uv,
-                                      const OutputOptions& options) {
+                                      const OutputOptions& options, const std::string& base_color) {
   const FlippedUv uv(corner_uv);
   GltfExport gltf(mesh, uv.values(), options.texcoord);
   gltf.Build();
+  if (!base_color.empty()) {
+    PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(base_color, options.path));
+    gltf.ShowImage(base_color, header.has_alpha());
+  }
   absl::StatusOr<WrittenMesh> written = GltfFiles(gltf.json(), gltf.buffer(), 2, "", false, options);
   if (written.ok()) uv.Check(gltf.corners(), &written->warnings);
   return written;

@@ -1,6 +1,8 @@
 #include "client/files/gltf_material.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string_view>
 
 #include "client/files/gltf_accessor.h"
@@ -156,7 +158,62 @@ std::size_t SizeOf(const Json& root, const char* key) {
   return array == root.end() || !array->is_array() ? 0 : array->size();
 }
 
+// Whether a string in `value` begins with `begin` and has `part` in it.
+bool HasPointer(const Json& value, const std::string& begin, const std::string& part) {
+  if (value.is_string()) {
+    const std::string& text = value.get_ref<const std::string&>();
+    return text.starts_with(begin) && text.find(part) != std::string::npos;
+  }
+  if (!value.is_structured()) return false;
+  return std::any_of(value.begin(), value.end(), [&](const Json& child) { return HasPointer(child, begin, part); });
+}
+
+// Calls action(&reference) for every reference to a material: of primitives and of their variants.
+template <typename Action>
+void ForEachMaterial(Json& root, const Action& action) {
+  const auto visit = [&action](Json& holder) {
+    const auto material = holder.find("material");
+    if (material != holder.end() && material->is_number_integer()) action(&*material);
+  };
+  for (Json& mesh : root["meshes"]) {
+    for (Json& primitive : mesh["primitives"]) {
+      visit(primitive);
+      const Json* const extensions = GltfObject(primitive, "extensions");
+      if (extensions == nullptr || GltfObject(*extensions, "KHR_materials_variants") == nullptr) continue;
+      Json& variants = primitive["extensions"]["KHR_materials_variants"];
+      if (!variants.contains("mappings") || !variants["mappings"].is_array()) continue;
+      for (Json& mapping : variants["mappings"]) {
+        if (mapping.is_object()) visit(mapping);
+      }
+    }
+  }
+}
+
 }  // namespace
+
+bool IsAnimated(const Json& root, std::int64_t material, const std::string& part) {
+  const auto animations = root.find("animations");
+  return animations != root.end() && HasPointer(*animations, "/materials/" + std::to_string(material) + "/", part);
+}
+
+void RemoveUnusedMaterials(const std::set<std::int64_t>& materials, GltfPatch* patch) {
+  Json& root = patch->json();
+  if (patch->has_unknown_indices()) return;
+  if (root.contains("animations") && HasPointer(root["animations"], "/materials/", "")) return;
+  std::vector<bool> gone(SizeOf(root, "materials"), false);
+  for (const std::int64_t material : materials) {
+    if (material >= 0 && material < std::ssize(gone)) gone[static_cast<std::size_t>(material)] = true;
+  }
+  ForEachMaterial(root, [&gone](const Json* reference) {
+    const auto material = reference->get<std::int64_t>();
+    if (material >= 0 && material < std::ssize(gone)) gone[static_cast<std::size_t>(material)] = false;
+  });
+  const std::vector<std::int64_t> index = TakeOut(gone, "materials", &root);
+  ForEachMaterial(root, [&index](Json* reference) {
+    const auto material = reference->get<std::int64_t>();
+    if (material >= 0 && material < std::ssize(index)) *reference = index[static_cast<std::size_t>(material)];
+  });
+}
 
 void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch) {
   Json& root = patch->json();
@@ -209,10 +266,14 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
   }
 }
 
+const Json* SamplerOfTexture(const Json& root, std::int64_t texture_index) {
+  const Json* const texture = Element(root, "textures", texture_index);
+  return texture == nullptr ? nullptr : Element(root, "samplers", Int(*texture, "sampler", -1));
+}
+
 std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture_index) {
   constexpr std::int64_t kClampToEdge = 33071, kMirroredRepeat = 33648;
-  const Json* const texture = Element(root, "textures", texture_index);
-  const Json* const sampler = texture == nullptr ? nullptr : Element(root, "samplers", Int(*texture, "sampler", -1));
+  const Json* const sampler = SamplerOfTexture(root, texture_index);
   const auto wrap = [&](const char* key) {
     const std::int64_t value = sampler == nullptr ? 0 : Int(*sampler, key, 0);
     if (value == kClampToEdge) return TextureWrap::kClamp;

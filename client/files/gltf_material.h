@@ -44,8 +44,18 @@ std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t tex
 // if an extension that we do not know may refer to them (GltfPatch::has_unknown_indices).
 void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch);
 
+// Removes those of `materials` that no primitive and no variant refers to. Removes none if an extension that we do not
+// know or an animation may refer to materials by their numbers.
+void RemoveUnusedMaterials(const std::set<std::int64_t>& materials, GltfPatch* patch);
+
+// Whether an animation changes something of a material (KHR_animation_pointer) whose path has `part` in it.
+bool IsAnimated(const Json& root, std::int64_t material, const std::string& part = "");
+
 // How a texture's sampler repeats it, along u and v.
 std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture);
+
+// The sampler of a texture, or null.
+const Json* SamplerOfTexture(const Json& root, std::int64_t texture);
 
 // The bytes of images[image]: in a buffer, a data URI or a file. Errors of the document and of files; IMAGE_OUTSIDE.
 absl::StatusOr<std::string> GltfImageBytes(const GltfDocument& document, std::int64_t image, bool allow_outside);

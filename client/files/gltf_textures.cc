@@ -6,8 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "client/files/gltf_attribute.h"
-#include "client/texture/tangents.h"
+#include "client/files/gltf_bake.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
@@ -16,14 +15,6 @@ namespace {
 
 constexpr char kTransform[] = "KHR_texture_transform";
 constexpr char kVariants[] = "KHR_materials_variants";
-constexpr int kNearestFilter = 9728;
-constexpr int kClampToEdge = 33071;
-constexpr int kMirroredRepeat = 33648;
-
-std::int64_t IntAt(const Json& object, const char* key, std::int64_t otherwise) {
-  const auto found = object.find(key);
-  return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
-}
 
 // An element of the root's array `key`, or null.
 const Json* ElementOf(const Json& root, const char* key, std::int64_t index) {
@@ -34,57 +25,6 @@ const Json* ElementOf(const Json& root, const char* key, std::int64_t index) {
   return &(*array)[static_cast<std::size_t>(index)];
 }
 
-TextureWrap WrapOf(const Json* sampler, const char* key) {
-  const std::int64_t wrap = sampler == nullptr ? 0 : IntAt(*sampler, key, 0);
-  if (wrap == kClampToEdge) return TextureWrap::kClamp;
-  return wrap == kMirroredRepeat ? TextureWrap::kMirror : TextureWrap::kRepeat;
-}
-
-const Json* SamplerOf(const Json& root, std::int64_t texture) {
-  const Json* const json = ElementOf(root, "textures", texture);
-  return json == nullptr ? nullptr : ElementOf(root, "samplers", IntAt(*json, "sampler", -1));
-}
-
-// Whether an animation changes a texture's transformation; then its UV are not in the file.
-bool HasAnimatedTransform(const Json& value, const std::string& material) {
-  if (value.is_string()) {
-    const std::string& text = value.get_ref<const std::string&>();
-    return text.starts_with(material) && text.find(kTransform) != std::string::npos;
-  }
-  if (!value.is_structured()) return false;
-  return std::any_of(value.begin(), value.end(),
-                     [&](const Json& child) { return HasAnimatedTransform(child, material); });
-}
-
-bool IsDirection(const GltfTextureUse& use) {
-  return use.meaning == TextureMeaning::kNormal || use.meaning == TextureMeaning::kDirection;
-}
-
-// Removes an extension from the document's lists if nothing uses it any more.
-void ForgetExtension(Json* root, const char* name) {
-  const auto is_used = [name](const auto& self, const Json& value) -> bool {
-    if (!value.is_structured()) return false;
-    for (const auto& [key, child] : value.items()) {
-      if (key == name || self(self, child)) return true;
-    }
-    return false;
-  };
-  if (is_used(is_used, *root)) return;
-  for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
-    const auto names = root->find(list);
-    if (names == root->end() || !names->is_array()) continue;
-    Json left = Json::array();
-    for (const Json& each : *names) {
-      if (each != name) left.push_back(each);
-    }
-    if (left.empty()) {
-      root->erase(list);
-    } else {
-      *names = std::move(left);
-    }
-  }
-}
-
 }  // namespace
 
 bool ReadsTexcoord(const GltfMesh& gltf, int texcoord) {
@@ -92,7 +32,7 @@ bool ReadsTexcoord(const GltfMesh& gltf, int texcoord) {
   for (const GltfPrimitive& primitive : gltf.primitives) {
     const Json& json = PrimitiveJson(gltf.document.json, primitive);
     if (!json["attributes"].contains(name)) continue;
-    for (const GltfTextureUse& use : TextureUses(gltf.document.json, IntAt(json, "material", -1))) {
+    for (const GltfTextureUse& use : TextureUses(gltf.document.json, GltfIntAt(json, "material", -1))) {
       if (use.texcoord == texcoord) return true;
     }
   }
@@ -109,7 +49,11 @@ int FreeTexcoord(const GltfMesh& gltf) {
 }
 
 GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
-    : gltf_(gltf), options_(options), root_(gltf.document.json), needs_tangents_(gltf.primitives.size(), false) {
+    : gltf_(gltf),
+      options_(options),
+      root_(gltf.document.json),
+      merge_(gltf, options),
+      needs_tangents_(gltf.primitives.size(), false) {
   const auto materials = root_.find("materials");
   const std::int64_t count = materials == root_.end() ? 0 : static_cast<std::int64_t>(materials->size());
   const std::string uv_name = "TEXCOORD_" + std::to_string(options.texcoord);
@@ -126,6 +70,7 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
     bool had_uv = false;
     bool has_others = false;
     for (const Place& place : places) {
+      if (place.triangles && !place.mapping && merge_.Has(*place.triangles)) continue;
       has_others |= !place.triangles;
       if (!place.triangles) continue;
       const GltfPrimitive& primitive = gltf.primitives[*place.triangles];
@@ -165,13 +110,13 @@ std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) c
     for (std::size_t p = 0; p < primitives.size(); ++p) {
       Place place = {m, p, std::nullopt, std::nullopt};
       if (const auto found = triangles.find({m, p}); found != triangles.end()) place.triangles = found->second;
-      if (IntAt(primitives[p], "material", -1) == material) places.push_back(place);
+      if (GltfIntAt(primitives[p], "material", -1) == material) places.push_back(place);
       const Json* const extensions = GltfObject(primitives[p], "extensions");
       const Json* const variants = extensions == nullptr ? nullptr : GltfObject(*extensions, kVariants);
       if (variants == nullptr || !variants->contains("mappings") || !(*variants)["mappings"].is_array()) continue;
       const Json& mappings = (*variants)["mappings"];
       for (std::size_t i = 0; i < mappings.size(); ++i) {
-        if (!mappings[i].is_object() || IntAt(mappings[i], "material", -1) != material) continue;
+        if (!mappings[i].is_object() || GltfIntAt(mappings[i], "material", -1) != material) continue;
         place.mapping = i;
         places.push_back(place);
       }
@@ -187,36 +132,13 @@ absl::StatusOr<std::string> GltfTextures::ImageBytes(std::int64_t image) const {
 absl::Status GltfTextures::Check() const {
   std::set<std::int64_t> seen;
   for (const Group& group : groups_) {
-    const std::string pointer = "/materials/" + std::to_string(group.material) + "/";
-    if (root_.contains("animations") && HasAnimatedTransform(root_["animations"], pointer)) {
-      return MakeError(
-          absl::StatusCode::kInvalidArgument, "TEXTURE_ANIMATED",
-          options_.path + ": an animation moves the textures of material " +
-              GltfName(root_["materials"][static_cast<std::size_t>(group.material)], "material", group.material) +
-              ", so they cannot become part of an atlas; --textures=keep leaves them as they are");
-    }
-    for (const GltfTextureUse& use : group.uses) {
-      for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
-        if (!seen.insert(source.image).second) continue;
-        const std::string name = gltf_.document.path + ": " + GltfImageName(root_, source.image);
-        const absl::StatusOr<std::string> bytes = ImageBytes(source.image);
-        if (!bytes.ok()) return WithTextureAdvice(bytes.status());
-        const absl::StatusOr<ImageHeader> header = ReadImageHeader(*bytes, name);
-        if (!header.ok()) return WithTextureAdvice(header.status());
-      }
-    }
+    PLANISH_RETURN_IF_ERROR(CheckGltfTextures(gltf_, options_, group.material, group.uses, &seen));
   }
-  return absl::OkStatus();
+  return merge_.Check();
 }
 
 std::size_t GltfTextures::FindReading(const Group& group, const GltfTextureUse& use, std::int64_t image) {
-  const Json* const sampler = SamplerOf(root_, use.texture);
-  TextureBake bake;
-  bake.name = gltf_.document.path + ": " + GltfImageName(root_, image);
-  bake.wrap_u = WrapOf(sampler, "wrapS");
-  bake.wrap_v = WrapOf(sampler, "wrapT");
-  bake.nearest = sampler != nullptr && IntAt(*sampler, "magFilter", 0) == kNearestFilter;
-  bake.options = {use.meaning, use.has_alpha, use.normal_scale};
+  TextureBake bake = BakeOfGltfTexture(gltf_, use, image);
   const Json key = {image,       group.atlas,  use.texcoord, use.transform,    bake.wrap_u,
                     bake.wrap_v, bake.nearest, use.meaning,  use.normal_scale, bake.options.premultiplied};
   const auto [found, is_new] = reading_of_key_.emplace(key.dump(), readings_.size());
@@ -241,89 +163,17 @@ std::size_t GltfTextures::FindTexture(const Group& group, const GltfTextureUse& 
   return found->second;
 }
 
-// Fills in the triangles of a reading in both maps, with the data that resampling its image needs.
 absl::Status GltfTextures::FillTriangles(const std::vector<double>& uv,
                                          const std::vector<std::array<float, 4>>& tangents, Reading* reading) const {
-  const GltfTextureUse& use = reading->use;
-  TextureBake& bake = reading->bake;
   for (const std::size_t p : reading->primitives) {
-    const GltfPrimitive& primitive = gltf_.primitives[p];
-    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions, ReadVertexAttribute(gltf_, primitive, "POSITION", 3));
-    std::vector<float> old;
-    if (use.texcoord >= 0) {
-      PLANISH_ASSIGN_OR_RETURN(old,
-                               ReadVertexAttribute(gltf_, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
-    }
-    const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
-    const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
-    const std::array<double, 6>& m = use.transform;
-    Vec2 low(HUGE_VAL, HUGE_VAL), high(-HUGE_VAL, -HUGE_VAL);
-    std::vector<Vec2> from(count);
-    for (std::size_t c = 0; c < count; ++c) {
-      const auto v = static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
-      const Vec2 raw = old.empty() ? Vec2(0, 0) : Vec2(old[2 * v], old[2 * v + 1]);
-      from[c] = Vec2(m[0] * raw.x() + m[1] * raw.y() + m[2], m[3] * raw.x() + m[4] * raw.y() + m[5]);
-      const Vec2 to(uv[2 * (first + c)], uv[2 * (first + c) + 1]);
-      low = low.cwiseMin(to);
-      high = high.cwiseMax(to);
-    }
-    // Each chart is within one tile.
-    const Vec2 tile(std::floor(0.5 * (low.x() + high.x())), std::floor(0.5 * (low.y() + high.y())));
-    if (count > 0 && (low - tile).minCoeff() < -0.01) low = tile;
-    if (count > 0 && (high - tile).maxCoeff() > 1.01) {
-      return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
-                       options_.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
-                           std::to_string(primitive.primitive) +
-                           "] lies in several tiles, and a material has one image for all of it; use --tiles=1, or "
-                           "--textures=keep");
-    }
-    for (std::size_t c = 0; c < count; c += 3) {
-      TextureTriangle triangle;
-      Vec3 p3[3];
-      for (std::size_t k = 0; k < 3; ++k) {
-        triangle.from[k] = from[c + k];
-        triangle.to[k] = Vec2(uv[2 * (first + c + k)], uv[2 * (first + c + k) + 1]) - tile;
-        const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c + k]);
-        p3[k] = Vec3(positions[v], positions[v + 1], positions[v + 2]);
-      }
-      const Vec3 a = p3[1] - p3[0], b = p3[2] - p3[0];
-      bake.areas.push_back(std::sqrt(std::max(0.0, a.squaredNorm() * b.squaredNorm() - a.dot(b) * a.dot(b))) / 2);
-      bake.triangles.push_back(triangle);
-    }
-    if (!IsDirection(use) || tangents.empty()) continue;
-
-    bool normals_are_given = false;
-    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, CornerNormals(gltf_, primitive, &normals_are_given));
-    std::vector<float> given;
-    if (normals_are_given) {
-      PLANISH_ASSIGN_OR_RETURN(given, ReadVertexAttribute(gltf_, primitive, "TANGENT", 4));
-    }
-    std::vector<std::array<float, 4>> before(count);
-    if (given.empty()) {
-      TangentCorners corners;
-      for (std::size_t c = 0; c < count; ++c) {
-        const auto v = 3 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
-        corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
-        corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
-        corners.uv.push_back({static_cast<float>(from[c].x()), static_cast<float>(1 - from[c].y())});
-      }
-      before = ComputeTangents(corners);
-    } else {
-      for (std::size_t c = 0; c < count; ++c) {
-        const auto v = 4 * static_cast<std::size_t>(gltf_.corner_vertex[first + c]);
-        before[c] = {given[v], given[v + 1], given[v + 2], given[v + 3]};
-      }
-    }
-    for (std::size_t c = 0; c < count; ++c) {
-      bake.frames.push_back({{normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]}, before[c], tangents[first + c]});
-    }
+    PLANISH_RETURN_IF_ERROR(AddGltfTriangles({gltf_, options_, uv, tangents}, p, &reading->use, &reading->bake));
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<double> GltfTextures::EstimateSide(double total_area) {
   constexpr double kFilled = 2.0 / 3;
-  double side = 0;
+  PLANISH_ASSIGN_OR_RETURN(double side, merge_.EstimateSide(total_area));
   for (const Group& group : groups_) {
     for (const GltfTextureUse& use : group.uses) FindTexture(group, use);
   }
@@ -443,9 +293,9 @@ void GltfTextures::WriteTextures(Json* json) {
       holder["source"] = readings_[texture.readings[s]].slot;
     }
     // Charts in other tiles read the image only if it repeats.
-    const Json* const sampler = SamplerOf(root_, texture.old);
-    const bool repeats =
-        WrapOf(sampler, "wrapS") == TextureWrap::kRepeat && WrapOf(sampler, "wrapT") == TextureWrap::kRepeat;
+    const Json* const sampler = SamplerOfTexture(root_, texture.old);
+    const std::array<TextureWrap, 2> wraps = TextureWraps(root_, texture.old);
+    const bool repeats = wraps[0] == TextureWrap::kRepeat && wraps[1] == TextureWrap::kRepeat;
     if (options_.textures.polygon_atlas.empty() || repeats) continue;
     Json copy = *sampler;
     copy.erase("wrapS");
@@ -474,23 +324,15 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
   image["mimeType"] = MimeType(kind);
   // The old image's view is replaced with its last reading.
   const bool is_own_place = slot == static_cast<std::size_t>(reading.image);
-  image["bufferView"] = patch->AddView(is_own_place ? IntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
+  image["bufferView"] = patch->AddView(is_own_place ? GltfIntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
 }
 
 absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
-                                       GltfPatch* patch, WrittenMesh* written) {
-  std::vector<std::string> taken = {gltf_.document.path, options_.path};
-  for (const Json& image : root_["images"]) {
-    if (!image.contains("uri") || !image["uri"].is_string()) continue;
-    const absl::StatusOr<std::string> file = FileOfUri(gltf_.document, "", image["uri"].get<std::string>());
-    if (file.ok()) taken.push_back((std::filesystem::path(gltf_.document.path).parent_path() / *file).string());
-  }
-  TextureFileNames names(options_.path, taken);
+                                       TextureFileNames* names, GltfPatch* patch, WrittenMesh* written) {
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     Reading& reading = readings_[i];
     if (options_.textures.on_image) {
-      options_.textures.on_image(GltfImageName(root_, reading.image) + ", " + std::to_string(i + 1) + " of " +
-                                 std::to_string(readings_.size()));
+      options_.textures.on_image({GltfImageName(root_, reading.image), i + 1, readings_.size() + merge_.num_images()});
     }
     absl::StatusOr<std::string> bytes = ImageBytes(reading.image);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
@@ -498,14 +340,26 @@ absl::Status GltfTextures::WriteImages(const std::vector<double>& uv, const std:
     bytes = BakeImage(*std::move(bytes), reading.bake, options_.textures, &written->warnings);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());
     reading.bake = TextureBake();
-    PutImage(static_cast<std::size_t>(reading.slot), reading, *std::move(bytes), &names, patch, written);
+    PutImage(static_cast<std::size_t>(reading.slot), reading, *std::move(bytes), names, patch, written);
   }
   return absl::OkStatus();
 }
 
 absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
                                 GltfPatch* patch, WrittenMesh* written) {
-  if (groups_.empty()) return absl::OkStatus();
+  std::vector<std::string> taken = FilesOfGltf(gltf_);
+  taken.push_back(options_.path);
+  TextureFileNames names(options_.path, taken);
+  if (!groups_.empty()) PLANISH_RETURN_IF_ERROR(MoveGroups(uv, tangents, &names, patch, written));
+  if (!merge_.empty()) {
+    PLANISH_RETURN_IF_ERROR(merge_.Write({gltf_, options_, uv, tangents}, readings_.size(), &names, patch, written));
+  }
+  ForgetExtension(&patch->json(), kTransform);
+  return absl::OkStatus();
+}
+
+absl::Status GltfTextures::MoveGroups(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
+                                      TextureFileNames* names, GltfPatch* patch, WrittenMesh* written) {
   for (const Group& group : groups_) {
     for (const GltfTextureUse& use : group.uses) {
       for (const GltfTextureSource& source : TextureSources(root_, use.texture)) {
@@ -519,8 +373,7 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
   }
   WriteTextures(&patch->json());
   WriteMaterials(&patch->json(), &written->warnings);
-  ForgetExtension(&patch->json(), kTransform);
-  return WriteImages(uv, tangents, patch, written);
+  return WriteImages(uv, tangents, names, patch, written);
 }
 
 void GltfTextures::Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const {

@@ -3,7 +3,8 @@
 // Textures that materials use with the replaced UV are resampled and used with the new UV, without
 // KHR_texture_transform; those used with other sets of UV stay. An image gets a new version for each way in which it is
 // read (transformation, wrap modes, colour or data, atlas). Textures that read an image in the same way keep sharing
-// it. New images and textures reuse the places of old ones that are not used any more.
+// it. New images and textures reuse the places of old ones that are not used any more. Materials that are merged, and
+// vertex colours that are painted, are GltfMerge's.
 #pragma once
 
 #include <array>
@@ -15,6 +16,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/files/gltf_material.h"
+#include "client/files/gltf_merge.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
 #include "client/files/mesh_output.h"
@@ -28,9 +30,13 @@ class GltfTextures {
   GltfTextures(const GltfMesh& gltf, const OutputOptions& options);
 
   // Whether there is nothing to do.
-  bool empty() const { return groups_.empty(); }
+  bool empty() const { return groups_.empty() && merge_.empty(); }
   // Whether a material of the primitive has directions in tangent space, so that tangents must be written.
-  bool NeedsTangents(std::size_t primitive) const { return needs_tangents_[primitive]; }
+  bool NeedsTangents(std::size_t primitive) const {
+    return needs_tangents_[primitive] || merge_.NeedsTangents(primitive);
+  }
+  // Whether the primitive's COLOR_0 is painted into an image, and must go.
+  bool BakesColors(std::size_t primitive) const { return merge_.BakesColors(primitive); }
   // Checks, before there is a map, that every image can be read and resampled. With `deep` reads the UV too.
   absl::Status Check() const;
 
@@ -82,16 +88,19 @@ class GltfTextures {
   std::size_t FindTexture(const Group& group, const GltfTextureUse& use);
   absl::Status FillTriangles(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
                              Reading* reading) const;
+  absl::Status MoveGroups(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
+                          TextureFileNames* names, GltfPatch* patch, WrittenMesh* written);
   void WriteMaterials(Json* json, std::vector<OutputWarning>* warnings);
   void WriteTextures(Json* json);
   absl::Status WriteImages(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents,
-                           GltfPatch* patch, WrittenMesh* written);
+                           TextureFileNames* names, GltfPatch* patch, WrittenMesh* written);
   void PutImage(std::size_t slot, const Reading& reading, std::string bytes, TextureFileNames* names, GltfPatch* patch,
                 WrittenMesh* written) const;
 
   const GltfMesh& gltf_;
   const OutputOptions& options_;
   const Json& root_;
+  const GltfMerge merge_;  // the primitives that it has are not in groups_
   std::vector<Group> groups_;
   std::vector<bool> needs_tangents_;  // per primitive of triangles
   std::vector<bool> is_shared_;       // per group: whether others use the material, too

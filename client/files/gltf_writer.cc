@@ -9,6 +9,7 @@
 #include "client/files/draco_uv.h"
 #include "client/files/gltf_attribute.h"
 #include "client/files/gltf_document.h"
+#include "client/files/gltf_join.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
@@ -25,6 +26,7 @@ namespace {
 constexpr std::int64_t kArrayBuffer = 34962;
 constexpr std::int64_t kElementArrayBuffer = 34963;
 constexpr char kTangent[] = "TANGENT";
+constexpr char kVertexColors[] = "COLOR_0";
 constexpr std::int64_t kLargestUshortIndex = 65534;  // 65535 restarts strips
 
 std::int64_t AlignedToFour(std::int64_t size) {
@@ -64,6 +66,9 @@ class GltfUvWriter {
       textures_.Drop(&patch_, &moved.warnings);
     }
     std::string buffer = patch_.TakeBuffer();
+    if (options_.textures.mode == TextureMode::kTransfer && options_.textures.merge_materials) {
+      PLANISH_RETURN_IF_ERROR(JoinPrimitives(gltf_.document.path, &patch_.json(), &buffer));
+    }
     Json& json = patch_.json();
     PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
     const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
@@ -145,6 +150,7 @@ class GltfUvWriter {
       const GltfPrimitive& primitive = gltf_.primitives[user];
       Json& json = PrimitiveJson(patch_.json(), primitive);
       json["attributes"] = attributes;
+      if (options_.textures.mode == TextureMode::kTransfer && textures_.BakesColors(user)) DropColors(&json);
       if (targets.is_array()) json["targets"] = targets;
       const std::size_t count = 3 * static_cast<std::size_t>(primitive.num_polygons);
       const std::vector<std::int32_t> indices(split.corner.begin() + static_cast<std::ptrdiff_t>(corner),
@@ -348,6 +354,16 @@ class GltfUvWriter {
       }
     }
     if (!textures.empty()) stale_[material] = textures;
+  }
+
+  // Removes the colours of a primitive's vertices.
+  void DropColors(Json* primitive) {
+    Json& attributes = (*primitive)["attributes"];
+    patch_.Release(attributes[kVertexColors].get<std::int64_t>(), 1);
+    attributes.erase(kVertexColors);
+    if (DracoJson(*primitive) != nullptr) {
+      (*primitive)["extensions"][kDracoExtension]["attributes"].erase(kVertexColors);
+    }
   }
 
   // Removes the tangents of a pool, and those of its morph targets, from the JSON of a primitive.

@@ -7,6 +7,7 @@
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_textures.h"
 #include "client/files/obj_textures.h"
+#include "client/files/painted_colors.h"
 #include "client/files/writers.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
@@ -55,17 +56,12 @@ absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPoly
   return result;
 }
 
-absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon_uv, const OutputOptions& options) {
+// In the format of the output. `base_color`: of PlainGltf().
+absl::StatusOr<WrittenMesh> WriteAs(const MeshFile& file, const WrittenPolygons& written, const OutputOptions& options,
+                                    const std::string& base_color) {
   const bool is_own = file.format == options.format;
-  const std::vector<double>& uv = polygon_uv.corner_uv;
-  std::optional<PolygonMesh> parts;
-  if (!polygon_uv.torn.empty()) parts = WithTornPolygons(file.mesh, polygon_uv.torn);
-  const PolygonMesh& mesh = parts ? *parts : file.mesh;
-  if (uv.size() != 2 * mesh.corner_vertex.size()) {
-    return InternalError("UV of " + std::to_string(uv.size() / 2) + " corners for a mesh of " +
-                         std::to_string(mesh.corner_vertex.size()));
-  }
-  const WrittenPolygons written = {mesh, uv, polygon_uv.torn};
+  const PolygonMesh& mesh = written.mesh;
+  const std::vector<double>& uv = written.corner_uv;
   switch (options.format) {
     case MeshFormat::kObj:
       if (is_own) return ObjAndImages(file, written, options);
@@ -83,11 +79,30 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
     }
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
-      return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(mesh, uv, options);
+      return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(mesh, uv, options, base_color);
     case MeshFormat::kStl:
       break;
   }
   return InternalError("no writer for this format");
+}
+
+absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon_uv, const OutputOptions& options) {
+  const std::vector<double>& uv = polygon_uv.corner_uv;
+  std::optional<PolygonMesh> parts;
+  if (!polygon_uv.torn.empty()) parts = WithTornPolygons(file.mesh, polygon_uv.torn);
+  const PolygonMesh& mesh = parts ? *parts : file.mesh;
+  if (uv.size() != 2 * mesh.corner_vertex.size()) {
+    return InternalError("UV of " + std::to_string(uv.size() / 2) + " corners for a mesh of " +
+                         std::to_string(mesh.corner_vertex.size()));
+  }
+  const WrittenPolygons written = {mesh, uv, polygon_uv.torn};
+  if (!PaintsColors(file, options)) return WriteAs(file, written, options, "");
+  std::vector<OutputWarning> warnings;
+  PLANISH_ASSIGN_OR_RETURN(std::string png, PaintColors(file, written, options, &warnings));
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh result, WriteAs(file, written, options, png));
+  if (!png.empty() && !IsGltf(options.format)) AddPaintedImage(file, options, std::move(png), &result);
+  result.warnings.insert(result.warnings.end(), warnings.begin(), warnings.end());
+  return result;
 }
 
 // A new set must directly follow the existing ones.
@@ -125,6 +140,11 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
     return Unsupported(options.path + " has one set of UV only; a second one, TEXCOORD_" +
                        std::to_string(options.texcoord) + ", is for glTF");
   }
+  if (options.textures.merge_materials && !(file.gltf && IsGltf(options.format))) {
+    return Unsupported(options.path + ": --merge-materials joins materials of a glTF in a glTF; " +
+                       (file.gltf ? "write .glb or .gltf" : file.path + " is none"));
+  }
+  if (PaintsColors(file, options)) PLANISH_RETURN_IF_ERROR(CheckPainting(file, options));
   const bool moves = options.textures.mode == TextureMode::kTransfer && !IsStream(options.path);
   if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && moves) {
     return ObjTextures(file, options).Check();
@@ -138,6 +158,7 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area) {
   if (options.textures.mode != TextureMode::kTransfer) return 0.0;
   if (IsGltf(options.format) && file.gltf) return GltfTextures(*file.gltf, options).EstimateSide(total_area);
+  if (PaintsColors(file, options)) return EstimatePaintedSide(file, total_area);
   if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !IsStream(options.path)) {
     return ObjTextures(file, options).EstimateSide(total_area);
   }

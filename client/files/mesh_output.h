@@ -21,16 +21,26 @@ enum class TextureMode {
   kDrop,      // the material's references are removed, and images that nothing else uses (glTF)
 };
 
+// An image that is drawn next.
+struct ImageProgress {
+  std::string name;
+  std::size_t number = 1, count = 1;  // which of how many
+};
+
 struct TextureOptions {
   TextureMode mode = TextureMode::kLeave;
-  int size = 0;                // texels per side of the new images; 0: by client/texture's TextureSideOf()
-  int least_size = 1;          // for size 0: smaller images would have no free texel between charts
-  std::int64_t memory = 0;     // limit for one image, in bytes; 0: no limit
+  int size = 0;             // texels per side of the new images; 0: by client/texture's TextureSideOf()
+  int least_size = 1;       // for size 0: smaller images would have no free texel between charts
+  std::int64_t memory = 0;  // limit for one image, in bytes; 0: no limit
+  // glTF: materials that differ only in images and factors become one, with one set of images and, where their
+  // attributes agree, one primitive a mesh. For kTransfer.
+  bool merge_materials = false;
+  // Vertex colours are painted into an image of base colours. For kTransfer.
+  bool bake_colors = false;
   bool allow_outside = false;  // whether images may be outside of the model's folder
   int threads = 1;
   const std::atomic<bool>* stop = nullptr;  // ends with CANCELLED once it is true
-  // Called before each image: "wood.png, 2 of 5".
-  std::function<void(const std::string&)> on_image;
+  std::function<void(const ImageProgress&)> on_image;  // called before each image
   // The atlas of each polygon of the file; empty if there is only one.
   std::vector<std::int32_t> polygon_atlas;
 };
@@ -55,7 +65,9 @@ struct OutputFile {
 struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
   // not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an image would have to
-  // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. TANGENTS_DROPPED:
+  // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. MATERIALS_MERGED:
+  // several became one. MATERIAL_NOT_MERGED: one is animated, or belongs to variants. COLORS_BAKED: vertex colours are
+  // in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: they could not be. TANGENTS_DROPPED:
   // tangents belonged to the replaced UV. POSITION_PRECISION: rounding to float moved vertices of a mesh far from the
   // origin.
   std::string reason;

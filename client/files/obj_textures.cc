@@ -126,38 +126,6 @@ std::vector<std::array<float, 3>> NormalsOfObj(const MeshFile& file) {
   return result;
 }
 
-// Maps values per polygon of the file to the written polygons.
-template <typename Value>
-std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const std::vector<TornPolygon>& torn) {
-  std::vector<Value> result;
-  auto next = torn.begin();
-  for (std::size_t p = 0; p < of_polygon.size(); ++p) {
-    const bool is_torn = next != torn.end() && next->polygon == static_cast<std::int64_t>(p);
-    result.insert(result.end(), is_torn ? next->faces.size() : 1, of_polygon[p]);
-    next += is_torn;
-  }
-  return result;
-}
-
-template <typename Value>
-std::vector<Value> OfWrittenCorners(const PolygonMesh& mesh, const std::vector<Value>& of_corner,
-                                    const std::vector<TornPolygon>& torn) {
-  std::vector<Value> result;
-  auto next = torn.begin();
-  for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
-    if (next != torn.end() && next->polygon == p) {
-      for (const std::vector<std::int64_t>& face : next->faces) {
-        for (const std::int64_t c : face) result.push_back(of_corner[static_cast<std::size_t>(c)]);
-      }
-      ++next;
-    } else {
-      result.insert(result.end(), of_corner.begin() + mesh.polygon_begin[p],
-                    of_corner.begin() + mesh.polygon_begin[p + 1]);
-    }
-  }
-  return result;
-}
-
 double AreaOf(const Vec3& a, const Vec3& b) {
   return std::sqrt(std::max(0.0, a.squaredNorm() * b.squaredNorm() - a.dot(b) * a.dot(b))) / 2;
 }
@@ -378,8 +346,7 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     Reading& reading = readings_[i];
     if (options_.textures.on_image) {
-      options_.textures.on_image(reading.file + ", " + std::to_string(i + 1) + " of " +
-                                 std::to_string(readings_.size()));
+      options_.textures.on_image({reading.file, i + 1, readings_.size()});
     }
     absl::StatusOr<std::string> bytes = ImageBytes(reading);
     if (!bytes.ok()) return WithTextureAdvice(bytes.status());

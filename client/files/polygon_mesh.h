@@ -97,6 +97,39 @@ PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangl
 // Replaces torn polygons by their faces, which inherit material, group, object and line.
 PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<TornPolygon>& torn);
 
+// Maps values per polygon of the file to those of WithTornPolygons().
+template <typename Value>
+std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const std::vector<TornPolygon>& torn) {
+  std::vector<Value> result;
+  auto next = torn.begin();
+  for (std::size_t p = 0; p < of_polygon.size(); ++p) {
+    const bool is_torn = next != torn.end() && next->polygon == static_cast<std::int64_t>(p);
+    result.insert(result.end(), is_torn ? next->faces.size() : 1, of_polygon[p]);
+    next += is_torn;
+  }
+  return result;
+}
+
+// The same per corner.
+template <typename Value>
+std::vector<Value> OfWrittenCorners(const PolygonMesh& mesh, const std::vector<Value>& of_corner,
+                                    const std::vector<TornPolygon>& torn) {
+  std::vector<Value> result;
+  auto next = torn.begin();
+  for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
+    if (next != torn.end() && next->polygon == p) {
+      for (const std::vector<std::int64_t>& face : next->faces) {
+        for (const std::int64_t c : face) result.push_back(of_corner[static_cast<std::size_t>(c)]);
+      }
+      ++next;
+    } else {
+      result.insert(result.end(), of_corner.begin() + mesh.polygon_begin[p],
+                    of_corner.begin() + mesh.polygon_begin[p + 1]);
+    }
+  }
+  return result;
+}
+
 // Numbers triples of doubles in the order of their first appearance. Triples are equal if their bits are, except that 0
 // equals -0; a NaN equals itself.
 class ValueIndex {

@@ -15,8 +15,8 @@
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
 #include "client/files/obj_materials.h"
-#include "client/files/ply_format.h"
 #include "client/files/texture_files.h"
+#include "client/files/vertex_colors.h"
 #include "client/files/writers.h"
 #include "client/texture/projection_baker.h"
 #include "core/base/error.h"
@@ -71,10 +71,11 @@ class LooksReader {
         PLANISH_RETURN_IF_ERROR(ReadGltfLooks());
         break;
       case MeshFormat::kObj:
+        PLANISH_RETURN_IF_ERROR(ReadVertexColors());
         PLANISH_RETURN_IF_ERROR(ReadObjLooks());
         break;
       case MeshFormat::kPly:
-        PLANISH_RETURN_IF_ERROR(ReadPlyLooks());
+        PLANISH_RETURN_IF_ERROR(ReadVertexColors());
         break;
       default:
         break;
@@ -229,39 +230,12 @@ class LooksReader {
     return absl::OkStatus();
   }
 
-  // Properties red, green and blue of vertices: 0 to 255 as screens show them, or 0 to 1.
-  absl::Status ReadPlyLooks() {
-    PLANISH_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file_.path, file_.bytes));
-    PLANISH_ASSIGN_OR_RETURN(const PlyLayout layout, FindPlyLayout(file_.path, header));
-    PlyValues values(file_.path, file_.bytes, header);
-    std::vector<Rgb> of_vertex;
-    for (std::size_t e = 0; e <= layout.vertex; ++e) {
-      const PlyElement& element = header.elements[e];
-      int found = 0;
-      for (std::int64_t i = 0; i < element.count; ++i) {
-        Rgb rgb = {1, 1, 1};
-        for (const PlyProperty& property : element.properties) {
-          constexpr const char* kNames[] = {"red", "green", "blue"};
-          int channel = 0;
-          while (channel < 3 && property.name != kNames[channel]) ++channel;
-          if (e != layout.vertex || channel == 3 || property.is_list) {
-            PLANISH_RETURN_IF_ERROR(values.SkipProperty({element.name.c_str(), i}, property));
-            continue;
-          }
-          double value = 0;
-          PLANISH_RETURN_IF_ERROR(values.ReadDouble({element.name.c_str(), i}, property.type, &value));
-          rgb[static_cast<std::size_t>(channel)] =
-              static_cast<float>(LinearOfSrgb(IsInteger(property.type) ? value / 255 : value));
-          ++found;
-        }
-        if (e == layout.vertex) of_vertex.push_back(rgb);
-      }
-      if (e == layout.vertex && found < 3) return absl::OkStatus();
-    }
-    const std::vector<std::int32_t>& vertices =
-        file_.mesh.corner_file_vertex.empty() ? file_.mesh.corner_vertex : file_.mesh.corner_file_vertex;
+  // Of files without images of their own, or whose images are multiplied by them.
+  absl::Status ReadVertexColors() {
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<CornerColor> own, VertexColors(file_));
+    if (own.empty()) return absl::OkStatus();
     std::vector<Rgb> colors;
-    for (const std::int32_t v : vertices) colors.push_back(of_vertex[static_cast<std::size_t>(v)]);
+    for (const CornerColor& color : own) colors.push_back({color[0], color[1], color[2]});
     looks_.source.colors = OfTriangles(colors);
     return absl::OkStatus();
   }

@@ -22,7 +22,7 @@ struct ProjectedMesh {
 };
 
 // `to` as a glTF (options.format: kGlb or kGltf) with one material: the base colours that `from` shows (texture of
-// colours, vertex colours and factors of a glTF, map_Kd of an OBJ, vertex colours of a PLY), and its normals as a
+// colours, vertex colours and factors of a glTF, map_Kd and vertex colours of an OBJ, vertex colours of a PLY), and its normals as a
 // normal map. Normals of `to` are the file's own, or smooth. Images are PNG, embedded. options.textures has the limits.
 // INVALID_ARGUMENT: OUTPUT_UNSUPPORTED for other formats, UV_MISSING, SURFACE_EMPTY, and errors of images.
 // RESOURCE_EXHAUSTED: TEXTURE_MEMORY. CANCELLED.

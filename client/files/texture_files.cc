@@ -4,7 +4,9 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <system_error>
+#include <utility>
 
 #include "client/files/file_io.h"
 #include "core/base/error.h"
@@ -57,57 +59,154 @@ absl::Status WithTextureAdvice(const absl::Status& status) {
                    info.metadata);
 }
 
-absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
-                                      std::vector<OutputWarning>* warnings) {
-  PLANISH_ASSIGN_OR_RETURN(const ImageHeader old, ReadImageHeader(bytes, bake.name));
-  ImageHeader header = old;
-  int side = options.size;
-  if (side == 0 && old.texels() > 1) {
-    const double wanted = TextureSideOf(bake.triangles, bake.areas, old.width, old.height);
-    // GPUs can compress sizes that are multiples of four.
-    const double rounded = 4 * std::ceil(std::min(wanted, 1e9) / 4 - 1e-9);
-    side = std::min(kLargestAutoTexture, std::max(options.least_size, static_cast<int>(rounded)));
-    if (rounded > kLargestAutoTexture) {
-      warnings->push_back({"TEXTURE_SIZE", bake.name + " would take " +
-                                               std::to_string(static_cast<std::int64_t>(rounded)) +
-                                               " texels per side to keep its texel density; it gets " +
-                                               std::to_string(side) + " (--texture-size sets another size)"});
-    }
+namespace {
+
+// The side of an image that needs `wanted` texels to keep its texel density, unless options.size is set.
+int SideFor(double wanted, int least, const std::string& name, const TextureOptions& options,
+            std::vector<OutputWarning>* warnings) {
+  if (options.size != 0) return options.size;
+  // GPUs can compress sizes that are multiples of four.
+  const double rounded = 4 * std::ceil(std::min(wanted, 1e9) / 4 - 1e-9);
+  const int side = std::min(kLargestAutoTexture, std::max(least, static_cast<int>(rounded)));
+  if (rounded > kLargestAutoTexture) {
+    warnings->push_back({"TEXTURE_SIZE", name + " would take " + std::to_string(static_cast<std::int64_t>(rounded)) +
+                                             " texels per side to keep its texel density; it gets " +
+                                             std::to_string(side) + " (--texture-size sets another size)"});
   }
-  header.width = header.height = std::max(1, side);
-  // The old image goes before the new one is there.
-  const std::int64_t memory = static_cast<std::int64_t>(bytes.size()) + TextureBaker::SourceBytes(old) +
-                              std::max(old.bytes(), 2 * header.bytes() + 2 * header.texels());
-  if (options.memory > 0 && memory > options.memory) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
-                     bake.name + ": resampling " + std::to_string(old.width) + " x " + std::to_string(old.height) +
-                         " texels into " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                         " takes " + Megabytes(memory) + " of memory, and the limit is " + Megabytes(options.memory) +
-                         "; --texture-size makes the new image smaller, --memory raises the limit",
-                     {{"image", bake.name}, {"bytes", std::to_string(memory)}});
-  }
-  PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, bake.name));
-  bytes = std::string();  // one image at a time may be large
-  ThreadTeam team(std::max(1, options.threads));
-  TextureBaker baker(header, &team);
+  return side;
+}
+
+// Of drawing an image of kind and size `old`, `file_bytes` long, into one of `header`. TEXTURE_MEMORY. `is_part`: the
+// new image exists already; otherwise the old one goes before the new one is there.
+absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const ImageHeader& old,
+                         const ImageHeader& header, bool is_part, const TextureOptions& options) {
+  const std::int64_t result = 2 * header.bytes() + 2 * header.texels();
+  const std::int64_t memory = file_bytes + TextureBaker::SourceBytes(old) +
+                              (is_part ? old.bytes() + result : std::max(old.bytes(), result));
+  if (options.memory == 0 || memory <= options.memory) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
+                   name + ": resampling " + std::to_string(old.width) + " x " + std::to_string(old.height) +
+                       " texels into " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                       " takes " + Megabytes(memory) + " of memory, and the limit is " + Megabytes(options.memory) +
+                       "; --texture-size makes the new image smaller, --memory raises the limit",
+                   {{"image", name}, {"bytes", std::to_string(memory)}});
+}
+
+// `triangles` are those of `bake`, and a part of `all` (TextureGeometry).
+absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<const TextureTriangle> triangles,
+                      std::span<const TextureTriangle> all, const TextureOptions& options, TextureBaker* baker) {
   TextureSource source;
-  source.image = &image;
-  source.spent = &image;
+  source.image = image;
+  source.spent = image;
   source.wrap_u = bake.wrap_u;
   source.wrap_v = bake.wrap_v;
   source.nearest = bake.nearest;
   BakeOptions how = bake.options;
-  if (old.channels < 3 && (how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection)) {
-    how.meaning = TextureMeaning::kData;
-  }
-  const bool has_frames = how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection;
-  PLANISH_RETURN_IF_ERROR(baker.Draw(
-      std::move(source), bake.triangles,
-      has_frames ? std::span<const CornerFrames>(bake.frames) : std::span<const CornerFrames>(), how, options.stop));
+  const bool is_direction = how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection;
+  if (image->header.channels < 3 && is_direction) how.meaning = TextureMeaning::kData;
+  TextureGeometry geometry = {triangles, {}, bake.colors, all};
+  if (how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection)
+    geometry.frames = bake.frames;
+  return baker->Draw(source, geometry, how, options.stop);
+}
+
+TextureImage WhiteTexel() {
+  TextureImage image;
+  image.header = {ImageKind::kPng, 1, 1, 3, 8};
+  image.texels = {255, 255, 255};
+  return image;
+}
+
+bool HaveTheSame(const std::vector<TextureImage::ColorChunk>& a, const std::vector<TextureImage::ColorChunk>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const auto& x, const auto& y) { return x.type == y.type && x.data == y.data; });
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
+                                      std::vector<OutputWarning>* warnings) {
+  PLANISH_ASSIGN_OR_RETURN(const ImageHeader old, ReadImageHeader(bytes, bake.name));
+  ImageHeader header = old;
+  const bool is_constant = options.size == 0 && old.texels() <= 1;
+  header.width = header.height = is_constant ? 1
+                                             : SideFor(TextureSideOf(bake.triangles, bake.areas, old.width, old.height),
+                                                       options.least_size, bake.name, options, warnings);
+  PLANISH_RETURN_IF_ERROR(CheckMemory(bake.name, std::ssize(bytes), old, header, /*is_part=*/false, options));
+  PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, bake.name));
+  bytes = std::string();  // one image at a time may be large
+  ThreadTeam team(std::max(1, options.threads));
+  TextureBaker baker(header, &team);
+  PLANISH_RETURN_IF_ERROR(DrawPart(&image, bake, bake.triangles, {}, options, &baker));
   TextureImage result = baker.Finish();
   result.header.kind = old.kind;
   result.is_lossless = image.is_lossless;
   result.color_chunks = std::move(image.color_chunks);
+  return EncodeImage(result);
+}
+
+double SideOfVertexColors(std::span<const TextureTriangle> triangles, std::span<const double> areas) {
+  constexpr int kTexelsPerEdge = 2;
+  std::vector<TextureTriangle> halves(triangles.begin(), triangles.end());
+  for (TextureTriangle& triangle : halves) triangle.from = {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1)};
+  return TextureSideOf(halves, areas, kTexelsPerEdge, kTexelsPerEdge);
+}
+
+absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std::string& name, bool has_alpha,
+                                      const TextureOptions& options, std::vector<OutputWarning>* warnings) {
+  // Charts of the size for which they were packed keep all of the padding between them.
+  constexpr int kLeastPainted = 512;
+  ImageHeader header = {ImageKind::kPng, 0, 0, has_alpha ? 4 : 3, 8};
+  std::optional<ImageKind> kind;
+  bool is_one_kind = true;
+  int least = options.least_size;
+  double wanted = 1;
+  std::vector<TextureTriangle> all;
+  for (const TexturePart& part : parts) {
+    const TextureBake& bake = part.bake;
+    all.insert(all.end(), bake.triangles.begin(), bake.triangles.end());
+    if (!bake.colors.empty()) wanted = std::max(wanted, SideOfVertexColors(bake.triangles, bake.areas));
+    if (!part.read || !bake.colors.empty()) least = std::max({least, 2 * options.least_size, kLeastPainted});
+    if (!part.read) continue;
+    PLANISH_ASSIGN_OR_RETURN(const std::string bytes, part.read());
+    PLANISH_ASSIGN_OR_RETURN(const ImageHeader old, ReadImageHeader(bytes, bake.name));
+    if (old.texels() > 1) {
+      wanted = std::max(wanted, TextureSideOf(bake.triangles, bake.areas, old.width, old.height));
+    }
+    header.bits = std::max(header.bits, old.bits);
+    is_one_kind = is_one_kind && kind.value_or(old.kind) == old.kind;
+    kind = old.kind;
+  }
+  if (kind && is_one_kind && !(kind == ImageKind::kJpeg && has_alpha)) header.kind = *kind;
+  header.width = header.height = SideFor(wanted, least, name, options, warnings);
+  ThreadTeam team(std::max(1, options.threads));
+  TextureBaker baker(header, &team);
+  std::optional<std::vector<TextureImage::ColorChunk>> chunks;
+  bool is_lossless = true;
+  bool have_same_chunks = true;
+  std::size_t first = 0;
+  for (TexturePart& part : parts) {
+    // The triangles move into `all`.
+    const std::span<const TextureTriangle> own(all.data() + first, part.bake.triangles.size());
+    first += own.size();
+    TextureImage image = WhiteTexel();
+    if (part.read) {
+      PLANISH_ASSIGN_OR_RETURN(std::string bytes, part.read());
+      PLANISH_ASSIGN_OR_RETURN(const ImageHeader old, ReadImageHeader(bytes, part.bake.name));
+      PLANISH_RETURN_IF_ERROR(CheckMemory(part.bake.name, std::ssize(bytes), old, header, /*is_part=*/true, options));
+      PLANISH_ASSIGN_OR_RETURN(image, DecodeImage(bytes, part.bake.name));
+      is_lossless = is_lossless && image.is_lossless;
+      // A profile for grey says nothing of colours.
+      have_same_chunks = have_same_chunks && old.channels >= 3 && (!chunks || HaveTheSame(*chunks, image.color_chunks));
+      chunks = std::move(image.color_chunks);
+    }
+    PLANISH_RETURN_IF_ERROR(DrawPart(&image, part.bake, own, all, options, &baker));
+    part.bake = TextureBake();
+  }
+  TextureImage result = baker.Finish();
+  result.header.kind = header.kind;
+  result.is_lossless = is_lossless;
+  if (chunks && have_same_chunks) result.color_chunks = *std::move(chunks);
   return EncodeImage(result);
 }
 

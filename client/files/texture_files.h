@@ -1,7 +1,9 @@
 // Reads image files that a model refers to, and makes new ones. Used only in client/files.
 #pragma once
 
+#include <functional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -28,12 +30,29 @@ struct TextureBake {
   std::vector<TextureTriangle> triangles;
   std::vector<double> areas;         // on the surface, one for each triangle
   std::vector<CornerFrames> frames;  // three for each triangle, or empty
+  std::vector<CornerColor> colors;   // the same
 };
 
 // Decodes, resamples and encodes one image, in the same format with the same channels. Warns with TEXTURE_SIZE. Errors
 // of the image; RESOURCE_EXHAUSTED, TEXTURE_MEMORY; CANCELLED.
 absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
                                       std::vector<OutputWarning>* warnings);
+
+// A part of an image that is drawn from several: an old image, or a constant.
+struct TexturePart {
+  std::function<absl::StatusOr<std::string>()> read;  // the bytes of the old image; null: white
+  TextureBake bake;                                   // its factor and offset make a constant of white
+};
+
+// Draws all parts into one image, called `name`. It has the kind of the old images if they are all of one kind, else
+// it is a PNG; `has_alpha`: an alpha channel. Its texel density is that of the densest old image; where constants or
+// colours are painted, it is at least as large as the atlas was packed for. Warnings and errors as BakeImage().
+absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std::string& name, bool has_alpha,
+                                      const TextureOptions& options, std::vector<OutputWarning>* warnings);
+
+// The side of the image in which vertex colours keep their detail: that TextureSideOf() an image of kTexelsPerEdge
+// texels an edge of the mesh.
+double SideOfVertexColors(std::span<const TextureTriangle> triangles, std::span<const double> areas);
 
 // Names of the new image files of one output, beside it: "OUTPUT_IMAGE.png", without repetitions.
 class TextureFileNames {

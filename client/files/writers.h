@@ -36,8 +36,9 @@ absl::StatusOr<std::string> WriteDraco(const MeshFile& file, const std::vector<d
 std::string PlainObj(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
 std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
+// `base_color`: a PNG that all materials show, in place of their own colours; empty: none.
 absl::StatusOr<WrittenMesh> PlainGltf(const PolygonMesh& mesh, const std::vector<double>& corner_uv,
-                                      const OutputOptions& options);
+                                      const OutputOptions& options, const std::string& base_color = "");
 absl::StatusOr<std::string> PlainDraco(const PolygonMesh& mesh, const std::vector<double>& corner_uv);
 
 // UV of glTF, whose v points downwards: 1 - v in float. Warns if that rounding flips or flattens triangles.

@@ -19,7 +19,7 @@ const char* MimeType(ImageKind kind);   // "image/png"
 struct ImageHeader {
   ImageKind kind = ImageKind::kPng;
   int width = 0, height = 0;  // texels
-  int channels = 3;           // 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; palettes count as what they stand for
+  int channels = 3;           // 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; palettes are expanded
   int bits = 8;               // a channel, 8 or 16
 
   bool has_alpha() const { return channels == 2 || channels == 4; }
@@ -45,7 +45,7 @@ inline constexpr int kImageQuality = 95;
 // Texels per side of an image that can be read.
 inline constexpr int kLargestImageSide = 32768;
 
-// By the first bytes; nullopt: none of these kinds.
+// Detects the kind by the first bytes; nullopt for other kinds of file.
 std::optional<ImageKind> KindOfImage(std::string_view bytes);
 
 // Kind and size of an image, without decoding it. `name` is for messages. INVALID_ARGUMENT: IMAGE_UNSUPPORTED for other

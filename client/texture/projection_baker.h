@@ -1,4 +1,4 @@
-// The looks of one surface drawn into images of another one that lies close to it: of a scan into those of its
+// Bakes the colours and normals of one surface into images of another one that lies close to it, such as a scan and its
 // decimated copy.
 #pragma once
 
@@ -15,13 +15,14 @@
 
 namespace planish {
 
-// The surface that is looked at. `mesh` and the images must outlive it.
+// The surface that colours and normals are taken from. `mesh` and the images must outlive it.
 struct ProjectionSource {
   const Mesh* mesh = nullptr;
   std::vector<std::array<float, 3>> normals;  // three a face, of any length
   // Red, green and blue, linear, in [0, 1]; three a face. Empty: white.
   std::vector<std::array<float, 3>> colors;
-  // What multiplies the colours: per face an image, -1: none; and three UV a face, v downwards. Empty: no images.
+  // Images that multiply the colours: per face the number of an image, or -1, and three UV, v downwards. Empty: no
+  // images.
   std::vector<TextureSource> images;
   std::vector<std::int32_t> face_image;
   std::vector<std::array<Vec2, 3>> uv;
@@ -38,7 +39,7 @@ struct ProjectionTarget {
 };
 
 struct ProjectionOptions {
-  double reach = 0;  // how far from the target the source is looked for, to either side
+  double reach = 0;  // length of the rays on either side of the target
   int size = 2048;   // texels per side
   const std::atomic<bool>* stop = nullptr;
 };
@@ -49,9 +50,9 @@ struct Projection {
   std::int64_t texels = 0, missed = 0;  // inside charts; of these, whose rays met nothing
 };
 
-// From each of 2 x 2 points of a texel a line along the target's interpolated normal; what it meets first on either
-// side, on faces that look the same way, is what the texel shows. Texels that see nothing are filled as gaps are.
-// CANCELLED; INVALID_ARGUMENT SURFACE_EMPTY if the source has no extent or positions that are not finite.
+// Casts rays from 2 x 2 points of each texel along the target's interpolated normal, to both sides. The texel shows the
+// nearest hit on faces that face the same way. Texels without a hit are filled like gaps. CANCELLED; INVALID_ARGUMENT
+// SURFACE_EMPTY if the source has no extent or positions that are not finite.
 absl::StatusOr<Projection> Project(const ProjectionSource& source, const ProjectionTarget& target,
                                    const ProjectionOptions& options, ThreadTeam* team);
 

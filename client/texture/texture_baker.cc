@@ -143,28 +143,34 @@ FootprintAxes AxesOf(const Vec2& along_x, const Vec2& along_y) {
 template <typename Texel>
 class TextureDrawing {
  public:
-  TextureDrawing(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                 std::span<const CornerFrames> frames, const BakeOptions& options, const ImageHeader& target,
-                 ThreadTeam* team)
+  TextureDrawing(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
+                 const ImageHeader& target, ThreadTeam* team)
       : source_(source),
-        triangles_(triangles),
-        frames_(frames),
+        triangles_(geometry.triangles),
+        frames_(geometry.frames),
+        colors_(geometry.colors),
+        all_(AllOf(geometry)),
+        first_(static_cast<std::size_t>(geometry.triangles.data() - all_.data())),
         options_(options),
         target_(target),
-        whole_(triangles),
+        whole_(geometry.triangles),
         levels_(source, options.meaning == TextureMeaning::kColor, options.premultiplied, team) {
     // Mipmaps are made before threads read them.
     int deepest = 0;
-    for (std::size_t t = 0; t < triangles.size(); ++t) {
+    for (std::size_t t = 0; t < triangles_.size(); ++t) {
       Footprint footprint;
-      if (!SetTarget(triangles[t], target, &footprint)) continue;
+      if (!SetTarget(triangles_[t], target, &footprint)) continue;
       SetSource(t, &footprint);
       deepest = std::max(deepest, LevelFor(AxesOf(footprint.along_x, footprint.along_y)));
     }
     deepest_ = levels_.MakeLevel(deepest);
   }
 
-  // Rows [first_row, end_row) with the triangles of `list`.
+  static std::span<const TextureTriangle> AllOf(const TextureGeometry& geometry) {
+    return geometry.all.empty() ? geometry.triangles : geometry.all;
+  }
+
+  // Rows [first_row, end_row), with the triangles of the whole image that are in `list`.
   void DrawBand(std::span<const std::int32_t> list, int first_row, int end_row, TextureImage* image,
                 std::vector<std::uint8_t>* drawn) const {
     const auto width = static_cast<std::size_t>(target_.width);
@@ -173,7 +179,7 @@ class TextureDrawing {
                          std::vector<float>(count, static_cast<float>(kRing * kRing))};
     std::vector<Footprint> footprints(list.size());
     for (std::size_t i = 0; i < list.size(); ++i) {
-      if (!SetTarget(triangles_[static_cast<std::size_t>(list[i])], target_, &footprints[i])) continue;
+      if (!SetTarget(all_[static_cast<std::size_t>(list[i])], target_, &footprints[i])) continue;
       Claim(footprints[i], static_cast<std::int32_t>(i), first_row, end_row, &texels);
     }
     std::vector<bool> is_ready(list.size(), false);
@@ -184,7 +190,8 @@ class TextureDrawing {
       const std::uint8_t rank = texels.distance[i] > 0 ? 1 : 2;
       if ((*drawn)[at] >= rank) continue;
       const auto own = static_cast<std::size_t>(texels.owner[i]);
-      const auto t = static_cast<std::size_t>(list[own]);
+      const std::size_t t = static_cast<std::size_t>(list[own]) - first_;
+      if (t >= triangles_.size()) continue;  // also below first_
       Footprint& footprint = footprints[own];
       if (!is_ready[own]) {
         SetSource(t, &footprint);
@@ -194,6 +201,7 @@ class TextureDrawing {
       const Vec2 p(static_cast<double>(i % width) + 0.5, first_row + static_cast<double>(i / width) + 0.5);
       Rgba value = Mean(footprint, rank == 2 ? p : Near(footprint, p));
       if (!frames_.empty()) value = InNewFrame(footprint, t, p, value);
+      value = Scaled(footprint, t, p, value);
       Store(value, image->texels.data() + at * texel_bytes);
       (*drawn)[at] = rank;
     }
@@ -285,16 +293,40 @@ class TextureDrawing {
     return sum * (1 / (TexelScale<Texel>() * static_cast<float>(footprint.samples_minor * footprint.samples_major)));
   }
 
-  // A direction of the old tangent frame in the new one.
-  Rgba InNewFrame(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
+  // Weights of the corners at `p`, or at a point of the triangle near it.
+  static std::array<double, 3> CornerWeights(const Footprint& footprint, const Vec2& p) {
     std::array<double, 3> weights = footprint.WeightsAt(p);
     double total = 0;
     for (double& w : weights) total += w = std::clamp(w, 0.0, 1.0);
+    for (double& w : weights) w /= total;
+    return weights;
+  }
+
+  // With the factors, the offset and the colours of the corners.
+  Rgba Scaled(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
+    Rgba factor = {options_.factor[0], options_.factor[1], options_.factor[2], options_.factor[3]};
+    if (!colors_.empty()) {
+      const std::array<double, 3> weights = CornerWeights(footprint, p);
+      Rgba color = {};
+      for (std::size_t k = 0; k < 3; ++k) {
+        const CornerColor& corner = colors_[3 * t + k];
+        color += static_cast<float>(weights[k]) * Rgba{corner[0], corner[1], corner[2], corner[3]};
+      }
+      factor *= color;
+    }
+    // Colours that have their alpha in them change with it.
+    if (options_.premultiplied) factor *= Rgba{factor[3], factor[3], factor[3], 1};
+    return factor * value + Rgba{options_.offset[0], options_.offset[1], options_.offset[2], options_.offset[3]};
+  }
+
+  // A direction of the old tangent frame in the new one.
+  Rgba InNewFrame(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
+    const std::array<double, 3> weights = CornerWeights(footprint, p);
     Vec3 normal = Vec3::Zero(), from = Vec3::Zero(), to = Vec3::Zero();
     double from_sign = 1, to_sign = 1;
     for (std::size_t k = 0; k < 3; ++k) {
       const CornerFrames& corner = frames_[3 * t + k];
-      const double w = weights[k] / total;
+      const double w = weights[k];
       for (int axis = 0; axis < 3; ++axis) {
         const auto a = static_cast<std::size_t>(axis);
         normal[axis] += w * corner.normal[a];
@@ -320,7 +352,7 @@ class TextureDrawing {
                      value[2], value[3]};
       return value;
     }
-    if (scale != 0) c = Vec3(c.x() / scale, c.y() / scale, c.z());
+    if (scale != 0 && options_.keeps_normal_scale) c = Vec3(c.x() / scale, c.y() / scale, c.z());
     const double length = c.norm();
     c = length > 0 ? Vec3(c / length) : Vec3(0, 0, 1);
     return Rgba{static_cast<float>(0.5 + 0.5 * c.x()), static_cast<float>(0.5 + 0.5 * c.y()),
@@ -348,6 +380,9 @@ class TextureDrawing {
   const TextureSource& source_;
   std::span<const TextureTriangle> triangles_;
   std::span<const CornerFrames> frames_;
+  std::span<const CornerColor> colors_;
+  std::span<const TextureTriangle> all_;
+  std::size_t first_;  // of triangles_ in all_
   const BakeOptions& options_;
   const ImageHeader& target_;
   WholeEdges whole_;
@@ -367,14 +402,14 @@ void TextureBaker::MakeImage() {
 }
 
 template <typename Texel>
-absl::Status TextureBaker::DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                                    std::span<const CornerFrames> frames, const BakeOptions& options,
-                                    const std::atomic<bool>* stop) {
+absl::Status TextureBaker::DrawFrom(const TextureSource& source, const TextureGeometry& geometry,
+                                    const BakeOptions& options, const std::atomic<bool>* stop) {
   const ImageHeader& target = image_.header;
-  const TextureDrawing<Texel> drawing(source, triangles, frames, options, target, team_);
+  const TextureDrawing<Texel> drawing(source, geometry, options, target, team_);
   if (source.spent != nullptr) source.spent->texels = std::vector<std::uint8_t>();
   MakeImage();
-  const std::vector<std::vector<std::int32_t>> of_band = texture_internal::TrianglesOfBands(triangles, target);
+  const std::vector<std::vector<std::int32_t>> of_band =
+      texture_internal::TrianglesOfBands(TextureDrawing<Texel>::AllOf(geometry), target);
   const auto bands = std::ssize(of_band);
   const auto is_stopped = [stop] { return stop != nullptr && stop->load(std::memory_order_relaxed); };
   team_->ForEach(
@@ -390,11 +425,10 @@ absl::Status TextureBaker::DrawFrom(const TextureSource& source, std::span<const
   return absl::OkStatus();
 }
 
-absl::Status TextureBaker::Draw(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                                std::span<const CornerFrames> frames, const BakeOptions& options,
-                                const std::atomic<bool>* stop) {
-  if (source.image->header.bits == 8) return DrawFrom<std::uint16_t>(source, triangles, frames, options, stop);
-  return DrawFrom<float>(source, triangles, frames, options, stop);
+absl::Status TextureBaker::Draw(const TextureSource& source, const TextureGeometry& geometry,
+                                const BakeOptions& options, const std::atomic<bool>* stop) {
+  if (source.image->header.bits == 8) return DrawFrom<std::uint16_t>(source, geometry, options, stop);
+  return DrawFrom<float>(source, geometry, options, stop);
 }
 
 std::int64_t TextureBaker::SourceBytes(const ImageHeader& header) {

@@ -17,16 +17,16 @@ namespace planish {
 
 enum class TextureWrap { kRepeat, kMirror, kClamp };
 
-// How the numbers of a texture are to be read.
+// How the values of a texture are interpreted.
 enum class TextureMeaning {
   kColor,      // colours: filtered in linear light
-  kData,       // numbers: filtered as they are
-  kNormal,     // directions in the tangent frame, as RGB: expressed anew in the frame of the new map
+  kData,       // values that are filtered without conversion
+  kNormal,     // directions in the tangent frame, as RGB: converted to the frame of the new map
   kDirection,  // as kNormal, in the tangent plane, as RG; B is a number (KHR_materials_anisotropy)
 };
 
 // A triangle of the surface in both maps: UV from the upper left corner of the image, v downwards. `from` may be
-// anywhere; what it wraps round to is up to the sampler. `to` lies in [0, 1]; what lies outside is not drawn.
+// anywhere; the sampler decides how it wraps. `to` is in [0, 1]; parts outside are not drawn.
 struct TextureTriangle {
   std::array<Vec2, 3> from, to;
 };
@@ -40,7 +40,7 @@ struct CornerFrames {
 // An image to read from, prepared for filtering.
 struct TextureSource {
   const TextureImage* image = nullptr;
-  TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels as soon as they are no longer needed
+  TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels once they are read
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
   bool nearest = false;  // the sampler magnifies without interpolation: pixels keep their edges
 };
@@ -50,6 +50,22 @@ struct BakeOptions {
   // Colours are weighted with their alpha when they are filtered. Otherwise they are filtered each by itself.
   bool premultiplied = false;
   double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
+  // Of kNormal: the new image keeps that scale, for the renderer to undo. False: it is painted in.
+  bool keeps_normal_scale = true;
+  // Each value becomes factor * value + offset: colours in linear light, and their alpha. Colours have no offset.
+  std::array<float, 4> factor = {1, 1, 1, 1}, offset = {0, 0, 0, 0};
+};
+
+using CornerColor = std::array<float, 4>;  // red, green, blue (linear) and alpha
+
+// What Draw() draws. Each list is empty or has three elements a triangle.
+struct TextureGeometry {
+  std::span<const TextureTriangle> triangles;
+  std::span<const CornerFrames> frames = {};  // for kNormal and kDirection
+  std::span<const CornerColor> colors = {};   // the image is multiplied by them
+  // All triangles of the new image, if several sources are drawn into it; `triangles` is a part of this list. A texel
+  // between charts then belongs to the nearest of them all.
+  std::span<const TextureTriangle> all = {};
 };
 
 // Draws sources into a new image, one after the other.
@@ -62,20 +78,19 @@ struct BakeOptions {
 // the interpolation becomes linear, as renderers draw the old image.
 //
 // Texels beside a chart, up to kRing away, are drawn from the nearest triangle. Samples do not go farther than half an
-// old texel beyond an edge at which either map is cut: what lies there belongs to something else.
+// old texel beyond an edge at which either map is cut: texels there belong to something else.
 class TextureBaker {
  public:
   // The new image, empty. header.bytes() of memory and a byte a texel, from the first Draw() on.
   TextureBaker(const ImageHeader& header, ThreadTeam* team);
 
-  // Draws `triangles`. `frames`, three a triangle, are for kNormal and kDirection. Takes 8 bytes a texel of the old
-  // image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop is true (null: never).
-  absl::Status Draw(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                    std::span<const CornerFrames> frames, const BakeOptions& options,
+  // Takes 8 bytes a texel of the old image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop
+  // is true (null: never).
+  absl::Status Draw(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                     const std::atomic<bool>* stop = nullptr);
 
-  // Fills what was not drawn, so that no mipmap shows a background: a texel takes the mean of what was drawn in the
-  // smallest aligned square of 2^k texels round it in which something was. Returns the image; the baker is empty then.
+  // Fills texels that were not drawn, so that no mipmap shows a background. Each takes the mean of the drawn texels in
+  // the smallest aligned square of 2^k texels around it that has any. Returns the image, and leaves the baker empty.
   TextureImage Finish();
 
   // Memory that Draw() takes for an image.
@@ -83,8 +98,7 @@ class TextureBaker {
 
  private:
   template <typename Texel>
-  absl::Status DrawFrom(const TextureSource& source, std::span<const TextureTriangle> triangles,
-                        std::span<const CornerFrames> frames, const BakeOptions& options,
+  absl::Status DrawFrom(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                         const std::atomic<bool>* stop);
 
   void MakeImage();

@@ -139,8 +139,8 @@ inline std::vector<std::vector<std::int32_t>> TrianglesOfBands(std::span<const T
   return of_band;
 }
 
-// Fills texels that were not drawn (0), so that no mipmap shows a background: a texel takes the mean of what was drawn
-// in the smallest aligned square of 2^k texels round it in which something was.
+// Fills texels that were not drawn (0), so that no mipmap shows a background. Each takes the mean of the drawn texels
+// in the smallest aligned square of 2^k texels around it that has any.
 void FillUndrawn(const std::vector<std::uint8_t>& drawn, TextureImage* image);
 
 }  // namespace planish::texture_internal

@@ -3,10 +3,12 @@
 #include <charconv>
 #include <cstdlib>
 #include <regex>
+#include <set>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 
 namespace planish::ids {
 
@@ -24,6 +26,20 @@ std::vector<std::int64_t> IdsIn(const std::string& text) {
   }
   return found;
 }
+
+namespace {
+
+// The items of a list without those that it had before: several triangles may be one polygon of a file.
+std::string EachOnce(const std::string& list) {
+  std::vector<std::string> items;
+  std::set<std::string> seen;
+  for (std::string& item : std::vector<std::string>(absl::StrSplit(list, ','))) {
+    if (seen.insert(item).second) items.push_back(std::move(item));
+  }
+  return absl::StrJoin(items, ",");
+}
+
+}  // namespace
 
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering) {
@@ -43,6 +59,7 @@ std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, 
       last = (*match)[0].second;
     }
     value.append(last, text.end());
+    if (is_face) value = EachOnce(value);
   }
   return result;
 }

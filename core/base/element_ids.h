@@ -25,7 +25,8 @@ struct Renumbering {
   IdMap face;
 };
 
-// Renumbers the values under "vertex", "vertices", "edge", "edges", "face" and "faces".
+// Renumbers the values under "vertex", "vertices", "edge", "edges", "face" and "faces". Of faces that get
+// the same id, such as the triangles of a polygon, one is kept.
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering);
 

@@ -159,9 +159,9 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
   return {};
 }
 
-// A quick test whether the map overlaps itself neither as it is nor after rounding to multiples of `resolution`: all
-// corners are farther from what they must not cross than rounding can move both. True for most charts; false if a
-// closer look is needed.
+// A quick test whether the map overlaps itself neither now nor after rounding to multiples of `resolution`: every
+// corner is farther from all edges that it must not cross than rounding can move both. True for most charts; false if a
+// full test is needed.
 bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   constexpr double kMargin = 3;  // rounding brings two places nearer by at most the square root of 2
   constexpr std::int64_t kTestsPerEdge = 64;

@@ -30,7 +30,7 @@ struct Chart {
   double enlargement = 1;
 
   bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
-  // Whether the chart is one face whose angles are all those of the surface.
+  // Whether the chart is one face that has the angles of the surface.
   bool is_triangle_as_measured() const { return faces.size() == 1 && !is_widened(0); }
 };
 

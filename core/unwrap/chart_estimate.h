@@ -26,7 +26,7 @@ class ChartEstimates {
   ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning);
 
   const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
-  // Looks at the chart as it is now. About a twentieth of the work of a solve.
+  // Estimates the chart in its present shape. Takes about a twentieth of the work of a solve.
   void Update(std::int32_t chart);
   // The same, and returns what Restore() puts back. The charts may have been glued, or their border moved, in between.
   struct Before {
@@ -36,13 +36,13 @@ class ChartEstimates {
   Before Replace(std::int32_t chart);
   void Restore(std::int32_t chart, Before before);  // the last one first
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
-  // Whether there is one of the chart, maybe as it was.
+  // Whether there is an estimate of the chart, maybe an old one.
   bool has(std::int32_t chart) const { return chart < std::ssize(charts_) && !charts_[chart].outline.empty(); }
   // Closes the gaps that charts without faces leave, as Segmentation::DropEmpty() does afterwards.
   void DropEmpty();
-  // Where the vertices of the chart's mesh (ChartMesh()) are in the map, as its outline was last estimated. Placed one
-  // after the other from the outline inwards by the lengths of edges in the map, each by those of its triangles whose
-  // other two corners have been placed. Good enough to tell on which side of a chord a face lies. O(n).
+  // Where the vertices of the chart's mesh (ChartMesh()) are in the map, as its outline was last estimated. Vertices
+  // are placed one after the other from the outline inwards, each by the edge lengths of its triangles whose other two
+  // corners have been placed. Good enough to tell on which side of a chord a face lies. O(n).
   std::vector<Vec2> Positions(std::int32_t chart, const FlatMesh& disc) const;
 
  private:

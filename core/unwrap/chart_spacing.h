@@ -22,7 +22,7 @@ struct ChartPair {
 };
 
 struct ChartSpacing {
-  ChartPair nearest;            // of all; infinite distance if there are none within `reach`
+  ChartPair nearest;            // the nearest pair; infinite distance if no pair is within `reach`
   std::vector<ChartPair> near;  // nearer than `wanted`, ascending by charts; at most kMaxNearPairs
   bool limited = false;         // the search ended early: there may be other and nearer pairs
 };
@@ -30,8 +30,8 @@ inline constexpr std::size_t kMaxNearPairs = 1000;
 
 // Finds distances up to `reach`, and all pairs of charts nearer than `wanted` (0: lists none), in the map's unit.
 // Compares charts with the same `tile[chart]`; a chart with tile -1 is compared with all others. Intersecting segments
-// have distance 0; the distance of a chart inside another one is that of the outlines. O(n log n) for n segments that
-// are not crowded within `reach`; the search ends after `max_tests` pairs of boxes.
+// have distance 0; for a chart inside another one, the distance between their outlines counts. O(n log n) for n
+// segments that are not crowded within `reach`; the search ends after `max_tests` pairs of boxes.
 ChartSpacing FindChartSpacing(const std::vector<OutlineSegment>& segments, const std::vector<std::int32_t>& tile,
                               double reach, double wanted, std::int64_t max_tests, const Execution& execution = {});
 

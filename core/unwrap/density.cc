@@ -1,4 +1,4 @@
-// Texel density: compares that of each chart with AtlasReport::texels_per_unit, and explains the differences.
+// Compares the texel density of each chart with AtlasReport::texels_per_unit, and explains differences.
 #include <algorithm>
 #include <array>
 #include <cmath>

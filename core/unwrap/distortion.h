@@ -60,13 +60,13 @@ struct DistortionSums {
 
   void Add(const DistortionSums& other);
   // Sets the distortion measures and packing_efficiency (per unit square, for one tile) of `quality`, but no other
-  // fields, and none if there are no faces.
+  // fields. Without faces, sets nothing.
   void Fill(Quality* quality) const;
 };
 
-// Measures `faces` of the mesh. `measured`, the angles on the surface, and `target` have those of corner k of faces[i]
-// at 3 i + k. Ignores faces marked in `ignored` (per face of the mesh; empty: none). A UV triangle without area has
-// infinite distortion. Incomplete after a cancellation.
+// Measures `faces` of the mesh. `measured` (angles on the surface) and `target` have the angle of corner k of faces[i]
+// at index 3 i + k. Ignores faces marked in `ignored` (per face of the mesh; empty: none). A UV triangle without area
+// has infinite distortion. Incomplete after a cancellation.
 DistortionSums MeasureDistortion(const Mesh& mesh, const std::vector<std::int32_t>& faces,
                                  const Eigen::VectorXd& measured, const TargetAngles& target, const CornerUv& uv,
                                  const std::vector<char>& ignored, const Execution& execution = {});

@@ -14,13 +14,13 @@ namespace {
 constexpr double kFixedBytes = 7e6;        // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
-// Beside that, of a face in a chart: by itself, at most, and beside that of one with vertices of its own.
+// In addition, bytes of a face in a chart, at most; and the additional bytes of a face with vertices of its own.
 constexpr double kChartBytesPerFace = 390, kBytesPerPiece = 200;
 // With SeamPolicy::kAuto small meshes may fall apart. The first faces count for kFirstBytesPerFace more, up to
-// kFirstBytes in all. Each face counts for kSmallBytesPerFace more in a small mesh, and for less the larger it is: for
-// nothing from kSmallFaces on. The counts do not tell triangles on random vertices, which take most, from a closed
-// surface. Of 12,902 meshes of 36 families with 60 to 6,000 faces, and of 288 with 8,000 to 150,000, none takes more
-// than the estimate (0.98 of it at most); 0.5 % and 6 % take less than a third.
+// kFirstBytes in all. Each face adds kSmallBytesPerFace in a small mesh, less in a larger one, and nothing from
+// kSmallFaces on. The counts do not tell triangles on random vertices, which take most, from a closed surface. Of
+// 12,902 meshes of 36 families with 60 to 6,000 faces, and of 288 with 8,000 to 150,000, none takes more than the
+// estimate (0.98 of it at most); 0.5 % and 6 % take less than a third.
 constexpr double kFirstBytesPerFace = 2000, kFirstBytes = 0.8e6;
 constexpr double kSmallBytesPerFace = 300, kSmallFaces = 30'000;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
@@ -35,18 +35,18 @@ constexpr double kBytesPerByte = 2;  // encoded bytes, while they are decoded
 constexpr double kLooseVerticesPerPiece = 2.5;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 8e-6;  // charts and maps, beside those of any face
+constexpr double kSecondsPerPiece = 8e-6;  // additional time for charts and maps
 constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
-// Of one face in a mesh of kReferenceFaces: solving, and finding charts. 95 % take a third of the estimate or more, of
-// 12,181 generated meshes of 60 to 6,000 faces and of 288 of 8,000 to 150,000. Of those that take 0.05 s or more, none
-// takes more than three times the estimate. That is on an AMD EPYC, both cores busy.
+// Seconds per face in a mesh of kReferenceFaces, for solving and for finding charts. Measured on an AMD EPYC with both
+// cores busy: 95 % of 12,181 generated meshes of 60 to 6,000 faces, and of 288 of 8,000 to 150,000, take a third of the
+// estimate or more. No mesh that takes at least 0.05 s takes more than three times the estimate.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 5.35e-6, kSolvePower = 0.05;
 constexpr double kMerge = 6.55e-6, kMergePower = 0.05;
 constexpr double kSeamSearch = 2;  // times kMerge, with SeamPreference::kSeams: charts are glued and seams moved
-// Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
-// discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
-// 600e-6.
+// Pieces are solved whole, once or several times if they are cut. This is a middle value: among the shared meshes of
+// 200 faces or more, discs and spheres took 3e-6 to 9e-6 in all, most closed meshes 13e-6 to 60e-6, and nets of many
+// handles and needles up to 600e-6.
 constexpr double kNeeded = 10e-6;
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
@@ -67,10 +67,11 @@ double Pieces(double faces, double vertices) {
   return std::clamp((vertices - faces / 2) / kLooseVerticesPerPiece, 0.0, faces);
 }
 
-// What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
+// The minimum time of the packer is estimated for this number of charts, which is typical of small meshes; the number
+// of charts is not known.
 constexpr double kFewCharts = 4;
 
-// `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
+// `rest`: seconds for charts and their maps. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
   const PackTuning& tuning = options.atlas.tuning;
   const double share = ShareOfRest(options.atlas.effort, tuning) * rest;

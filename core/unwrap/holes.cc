@@ -108,7 +108,7 @@ class HoleSearch {
     }
   }
 
-  // The nearest vertex of a hole that has not been reached; -1 if there is none.
+  // The nearest vertex of a hole that has not been reached; -1 if all have been.
   std::int32_t NextOnAHole() {
     while (!queue_.empty()) {
       const auto [distance, v] = queue_.top();

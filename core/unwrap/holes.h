@@ -27,9 +27,9 @@ struct HoledPiece {
 std::optional<HoledPiece> HoledPieceOf(const Mesh& mesh, const Chart& chart);
 
 // Moves the slits of a chart that is a planar piece with holes to short paths: from the outline to the nearest hole,
-// from there or from the outline to the next one, until all are joined (as in Prim's algorithm). `disc` and `slits` are
-// those of ChartMesh() (core/charts/gluing.h). `cost` of a slit, per half-edge of `disc`; infinite where no slit may
-// be. Changes nothing if the chart is no such piece, or holes cannot be reached.
+// from there or from the outline to the next one, until all are joined (as in Prim's algorithm). `disc` and `slits`
+// come from ChartMesh() (core/charts/gluing.h). `cost`: cost of a slit per half-edge of `disc`; infinite where slits
+// are not allowed. Changes nothing if the chart is not a planar piece with holes, or if holes cannot be reached.
 void SlitAlongShortPaths(const std::function<double(std::int32_t)>& cost, FlatMesh* disc,
                          std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 

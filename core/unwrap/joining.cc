@@ -72,7 +72,7 @@ class SolvedMaps {
 
   SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
 
-  // Calls visit(h, start of h in the map) for every half-edge h of the outline; for none if there is no map.
+  // Calls visit(h, start of h in the map) for every half-edge h of the outline. Without a map, calls nothing.
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
     const MappedChart& mapped = charts_.charts[i];
@@ -98,7 +98,7 @@ class SolvedMaps {
   Kept Take(std::int32_t i) { return std::exchange(charts_.charts[i], {}); }
   void PutBack(std::int32_t i, Kept kept) { charts_.charts[i] = std::move(kept); }
 
-  // Maps these charts as they are in the segmentation now.
+  // Solves these charts with their present faces in the segmentation.
   absl::Status Map(const std::vector<std::int32_t>& todo) {
     Timer timer;
     for (const std::int32_t i : todo) ExtractChart(i, job_.execution, &charts_);

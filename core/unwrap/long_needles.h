@@ -16,9 +16,9 @@
 
 namespace planish {
 
-// Per face: 1 for triangles of needles (AtlasTuning::needle_aspect) that are longer than AtlasTuning::max_extent, and,
-// if there are any, of needles longer than AtlasTuning::needle_length. Empty if there are none, or if too little else
-// is left.
+// Per face: 1 for triangles of needles (AtlasTuning::needle_aspect) longer than AtlasTuning::max_extent; if the mesh
+// has such needles, also for needles longer than AtlasTuning::needle_length. Empty if the mesh has no long needles, or
+// too little besides.
 std::vector<char> FindLongNeedles(const Mesh& mesh, const Polygons& polygons, const AtlasTuning& tuning);
 
 // Per face: the scale of a needle, small enough that the charts of all needles fit and leave room for others; 1 for

@@ -116,8 +116,7 @@ class MapJudge {
     }
   }
 
-  // The tile whose closed square has all these points; -1 if there is none among the allowed ones. At a border, the
-  // tile of the centre.
+  // The allowed tile whose closed square contains the box; otherwise -1. At a border, the tile of the centre.
   std::int32_t TileOf(const Eigen::AlignedBox2d& box) const {
     const Vec2 low = box.center().array().floor();
     if (!(low.x() >= 0 && low.x() < PackOptions::kTilesInRow && low.y() >= 0 && low.y() < options_.tiles)) return -1;

@@ -37,9 +37,9 @@ struct MapCheckOptions {
 // Bits of MapCheck::faults.
 inline constexpr std::uint8_t kFlippedFace = 1;       // orientation opposite to the rest of its chart
 inline constexpr std::uint8_t kDegenerateFace = 2;    // collinear in the map
-inline constexpr std::uint8_t kOverlappingFace = 4;   // its interior intersects that of another triangle
+inline constexpr std::uint8_t kOverlappingFace = 4;   // its interior intersects another triangle
 inline constexpr std::uint8_t kOutsideFace = 8;       // in none of the tiles, or in several
-inline constexpr std::uint8_t kFaceWithoutArea = 16;  // on the surface; has none of the first three faults
+inline constexpr std::uint8_t kFaceWithoutArea = 16;  // no area on the surface; excludes the first three faults
 
 struct ChartCheck {
   std::int64_t triangles = 0;

@@ -30,8 +30,8 @@ Vec2 Nudge(int i) {
   return length * Vec2(portable::Cos(angle), portable::Sin(angle));
 }
 
-// Moves a chart to the first place(i), i in [0, count), at which the delivered UV are as wanted. Returns false, and
-// does not move it, if there is none.
+// Moves a chart to the first place(i), i in [0, count), at which the delivered UV are as wanted. Otherwise returns
+// false and leaves the chart in place.
 template <typename Place, typename IsWanted>
 bool MoveTo(int count, const Place& place, const IsWanted& is_wanted, const Job& job, MappedChart* mapped,
             Delivery* delivery) {

@@ -133,8 +133,8 @@ std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, 
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
-// All that pack better in parts, by their estimates; those that gain most where that would make too many charts. Cuts
-// run across arms and necks of the map (core/pack/necks.h).
+// The charts that pack better in parts, by their estimates. If that makes too many charts, the charts with the largest
+// gain. Cuts run across arms and necks of the map (core/pack/necks.h).
 std::vector<Segmentation::Cut> ChartsToPart(const Job& job, const NeckOptions& options, const ChartEstimates& estimates,
                                             Charts* charts) {
   const Segmentation& segmentation = *charts->segmentation;
@@ -182,7 +182,7 @@ bool IsOnePolygon(const Job& job, const Chart& chart) {
                      [&](std::int32_t f) { return polygon[f] == polygon[chart.faces.front()]; });
 }
 
-// Cuts, and returns whether that made new charts; `todo` has then what is to be solved.
+// Cuts, and returns whether that made new charts; `todo` then lists the charts to solve.
 absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts, std::vector<std::int32_t>* todo,
                            Charts* charts) {
   if (cuts.empty()) return false;
@@ -336,7 +336,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
     if (is_faulty) cuts.push_back(std::move(cut));
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
-  // What is new may be widened once more.
+  // New charts may be widened once more.
   if (goes_on) charts->widenings = std::min(charts->widenings, kMostWidenings - kWideningsOfParts);
   return goes_on;
 }

@@ -110,7 +110,8 @@ class MirrorSearch {
     return nearest;
   }
 
-  // The share of the vertices (or of a sample) that have an image. 0 as soon as too many have none.
+  // The share of the vertices (or of a sample) that have a mirror image. Ends early with 0 if too many vertices lack
+  // one.
   double ShareMatched(int axis, double at) {
     const std::size_t step = (vertices_.size() + kMostLookedAt - 1) / kMostLookedAt;
     const std::size_t all = (vertices_.size() + step - 1) / step;

@@ -86,7 +86,7 @@ bool SeamRouter::IsOnPath(HalfedgeHandle h) const {
   return is_on_path_[h.idx() / 2] != 0;
 }
 
-// The ends of the path, and what they may slide to.
+// Marks the ends of the path, and the vertices that they may slide to.
 void SeamRouter::MarkEnds(std::span<const HalfedgeHandle> path, double reach) {
   const Gluing& gluing = segmentation_.gluing();
   const TriMesh& mesh = gluing.mesh();

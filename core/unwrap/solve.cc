@@ -32,14 +32,14 @@ void ForEachChart(const Execution& execution, const Charts& charts, const std::v
   });
 }
 
-// Whether the chart will be cut because of its solve, whatever its map is like (Refine()).
+// Whether the chart will be cut because of its solve, even if its map is sound (Refine()).
 bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
   return job.options.seams.policy == SeamPolicy::kAuto && mapped.chart.faces.size() > 1 &&
          (!mapped.map.flatten->converged || mapped.map.flatten->barrier > 0);
 }
 
 // Computes layout and faults. If faces are too thin, solves the chart again with these widened. `of_triangle`: the
-// solve of a chart that has none of its own.
+// shared solve, for a chart that was not solved by itself.
 absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const FlattenSummary>& of_triangle,
                     MappedChart* mapped) {
   const auto& [job, charts, number, limits, execution, reports] = solve;
@@ -64,13 +64,13 @@ absl::Status Finish(const ChartSolve& solve, const std::shared_ptr<const Flatten
     return absl::OkStatus();
   }
   mapped->faults = FindFaults(job->mesh, mapped->chart, mapped->map, charts.ignored, charts.resolution, execution);
-  // If more seams are allowed they are better: of 200 maps that overlapped themselves, a convex outline stretched all
-  // too far, at ten times the cost of a cut.
+  // If more seams are allowed, they are better: for 200 maps that overlapped themselves, maps with a convex outline
+  // were all stretched too far, and cost ten times as much as a cut.
   if (limits.other_map > 0 && !execution.IsStopRequested()) MapWithFixedBorders(solve, mapped);
   return absl::OkStatus();
 }
 
-// The shared summary of all charts that are is_triangle_as_measured(); null if there are none.
+// The shared summary of all charts that are is_triangle_as_measured(); null without such charts.
 absl::StatusOr<std::shared_ptr<const FlattenSummary>> SolveTriangles(Job* job, const std::vector<std::int32_t>& todo,
                                                                      Charts* charts) {
   const auto first = std::find_if(todo.begin(), todo.end(),

@@ -39,7 +39,7 @@
 
 namespace planish {
 
-// One call of Unwrap(): its arguments, and what it has to report so far.
+// One call of Unwrap(): its arguments, and its warnings and times so far.
 struct Job {
   const Mesh& mesh;
   const UnwrapOptions& options;
@@ -52,9 +52,9 @@ struct Job {
 
   // Announces a stage. CANCELLED after a cancellation.
   absl::Status Enter(UnwrapStage stage);
-  // What Execution::Report() tells: the part of the stage of charts that is done. Others do not tell.
+  // Receives Execution::Report(): the fraction of the stage of charts that is done. Other stages do not report.
   void Reach(double fraction);
-  // Whether the packer places the charts. Otherwise they have places of their own.
+  // Whether the packer places the charts.
   bool packs() const { return options.pack && options.seams.policy != SeamPolicy::kNone; }
   bool may_split() const {
     return options.seams.policy == SeamPolicy::kAuto || options.seams.policy == SeamPolicy::kNeeded;
@@ -63,49 +63,50 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  // Whether it has three faces or more, of more than one polygon. If not, it is solved to the end: a cut may not help.
+  // Whether it has at least three faces, of more than one polygon. Other charts are always solved to the end, since a
+  // cut may not help.
   bool is_worth_cutting = false;
   std::unique_ptr<Flattening> flattening;  // from solve to layout; null for a triangle as measured
   ChartMap map;
-  ChartFaults faults;   // of the map; not looked for where no seam may be added
+  ChartFaults faults;   // of the map; not computed where no seam may be added
   double work = 0;      // FlattenWork::work of all solves of the last SolveCharts()
   absl::Status status;  // of solve and layout
 
-  // Whether the chart is no disc, and its map has a slit.
+  // Whether the chart is not a disc, so that its map has a slit.
   bool is_slit() const { return map.closed_slits.size() < chart.slits.size(); }
 };
 
-// All that passes between the steps: a record, each member of which several of them read.
+// The data passed between the steps. Several steps read each member.
 struct Charts {
-  // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
+  // Both null for SeamPolicy::kNone: the mesh is a disc, and only its one chart is kept.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
-  // Per chart of the segmentation: the one that is its mirror image, maybe itself, -1 where there is none; empty: none
-  // has one, and once a chart has been cut.
+  // Per chart of the segmentation: its mirror image, maybe the chart itself; -1 without an image. Empty if no chart has
+  // one, and after the first cut.
   std::vector<std::int32_t> image;
-  std::optional<Mirror> mirror;  // by which the surface has both sides cut alike, while seams may move
-  std::vector<char> ignored;     // per face: left out of all promises, having no area; empty: none
+  std::optional<Mirror> mirror;  // of the surface, as long as both sides are cut alike
+  std::vector<char> ignored;     // per face: has no area and is excluded from all promises; empty if no face is
   double total_area = 0;         // of the surface
-  double drawn_area = 0;         // the same with `reduction`, which leaves next to nothing of long needles
-  // By atlas (AtlasOf()): what goes into its tiles or, where all have one texel density, the most that goes into those
-  // of any atlas. The area is the square of a length that those of charts can be compared with.
+  double drawn_area = 0;         // the same with `reduction`, which shrinks long needles to almost nothing
+  // Per atlas (AtlasOf()): the size of its content. If all atlases have one texel density, the largest content of any
+  // atlas. The square root of the area is a length to compare the lengths of charts with.
   struct AtlasSize {
     double area = 0;     // as drawn
     double longest = 0;  // polygon, as drawn: which sets the scale if it is longer than the texture
   };
   std::map<std::int32_t, AtlasSize> atlas_size;
-  // What places are rounded to, about, in the units of the surface: with float, or with double if that is known to be
-  // delivered; and with the last type that is tried, which faces are widened for.
+  // Approximate rounding unit of UV, in the units of the surface: `resolution` for float, or for double if double is
+  // certain; `grain` for the last type that is tried, for which faces are widened.
   double resolution = 0, grain = 0;
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   std::vector<std::int32_t> place;  // per face: its number in the chart that it was last extracted with
   double work = 0;                  // work of all solves so far, each weighted by the faces of its chart
-  // With SeamPolicy::kNeeded: charts that were cut since their solves took too much work.
+  // With SeamPolicy::kNeeded: charts that were cut because their solves took too much work.
   std::int64_t given_up = 0;
   int widenings = 0;               // calls of WidenCharts() that found something
-  std::deque<MappedChart> charts;  // no vector: charts are added to many that are large
-  // Whether slits run along short paths, not as the segmentation has them: where given seams decide.
+  std::deque<MappedChart> charts;  // a vector would move many large charts when charts are added
+  // Whether slits were moved from the edges of the segmentation to short paths; with given seams.
   bool slits_are_moved = false;
   bool are_joined = false;  // charts that are no worse together have been joined (JoinCharts)
 
@@ -113,11 +114,11 @@ struct Charts {
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
   // MeasuredAngles() of the faces of a chart of this mesh, from the surface if there is one.
   Eigen::VectorXd AnglesOf(const Mesh& mesh, const Chart& chart, const Execution& execution) const;
-  // The least of these faces'.
+  // The least reduction of these faces.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
-  // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
+  // Per face of the mesh: its chart; -1 for faces without a chart (Surface::takes_part).
   std::vector<std::int32_t> FaceChart(const Mesh& mesh) const;
-  // Per half-edge of the mesh: the one it is joined to in its chart, closed slits included; -1 on outlines.
+  // Per half-edge of the mesh: the half-edge joined to it in its chart, also at closed slits; -1 on outlines.
   std::vector<std::int32_t> Opposite(const Mesh& mesh) const;
 };
 
@@ -129,17 +130,17 @@ absl::StatusOr<Charts> Segment(Job* job);
 // Makes chart i of its faces in the segmentation.
 void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts);
 
-// Maps these charts, those of few faces each on a thread of its own. Errors as Unwrap(); where a chart may be split, a
-// failed solve is none: MappedChart::status has it.
+// Maps these charts, small charts in parallel. Errors as Unwrap(). If a chart may be split, a failed solve is not an
+// error, but is recorded in MappedChart::status.
 absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts);
 
 // How much work the maps of charts may take (AtlasTuning::most_work and following).
 struct WorkLimits {
   std::int64_t solve = 0;      // FlattenControl::most_work of a chart that may be cut
-  std::int64_t other_map = 0;  // of each other map that MapWithFixedBorders() tries; 0: none is tried
+  std::int64_t other_map = 0;  // of each map that MapWithFixedBorders() tries; 0: it is not called
   bool gives_up = false;       // FlattenControl::gives_up
 };
-// Those of the next SolveCharts(), for these charts.
+// The limits of the next SolveCharts(), for these charts.
 WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector<std::int32_t>& todo);
 
 // How one chart is solved for and, if `reports`, reported to the caller, on whose thread it runs then.
@@ -157,42 +158,42 @@ absl::StatusOr<Flattening> FlattenWith(const ChartSolve& solve, BoundaryType bou
                                        MappedChart* mapped);
 FlattenControl ControlOf(const ChartSolve& solve);
 
-// Root mean square, of a map for which the given borders are kept.
+// Limit of the root mean square stretch of a map that keeps the given borders.
 inline constexpr double kMostStretchForBorders = 100;
 
 // Where the map of a chart overlaps itself, needs a slit, or is stretched beyond use by a barrier: takes the first of a
 // list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
 void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped);
 
-// Cuts those of the charts in `todo`, the last that were solved, whose maps are no use. Returns whether there were any;
-// `todo` has then what is to be solved. CANCELLED after a cancellation.
+// Cuts charts in `todo`, which were solved last, if their maps are unusable. Returns whether it cut any; `todo` then
+// lists the charts to solve. CANCELLED after a cancellation.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
-// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
-// CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
-// `are_known`: the estimates are of the charts as they are.
+// Before charts are solved for: cuts charts whose estimated maps are unusable, and then charts that pack better in
+// parts. CANCELLED after a cancellation; charts and estimates must not be used then. After a stop request some charts
+// have no estimates. `are_known`: the estimates are up to date.
 absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEstimates* estimates, Charts* charts,
                              bool are_known = false);
 
-// With SeamPreference::kSeams: glues charts and moves seams as long as that lowers what seams cost
-// (core/charts/seam_cost.h), before any chart is solved for. After a stop request all stay as they are. CANCELLED after
-// a cancellation. Returns what all seams and charts cost then.
+// With SeamPreference::kSeams, before charts are solved for: glues charts and moves seams as long as that lowers the
+// cost of seams (core/charts/seam_cost.h). After a stop request nothing changes. CANCELLED after a cancellation.
+// Returns the cost of all seams and charts at the end.
 absl::StatusOr<double> ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
-// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them as Segmentation does,
-// and those of the other of these. Sets `segmentation`, `image` and `mirror`; ImproveSeams() keeps both sides alike.
-// Returns the share of the surface that has an image; 0, and does nothing, for surfaces without such a plane and with
-// seams given. `seams`: what `charts->surface` was made with.
+// Makes charts of one side of a symmetric surface, and their mirror images on the other side. Sets `segmentation`,
+// `image` and `mirror`, with which ImproveSeams() keeps both sides alike. Returns the share of the area that has a
+// mirror image. Returns 0 and changes nothing for other surfaces, or if seams are given. `seams`: the argument with
+// which `charts->surface` was made.
 absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
 
 // The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);
 
-// What charts are merged with first, and the limit of their stretch then: ImproveSeams() goes on from there.
+// Tuning of the first merging of charts, and its limit of stretch; ImproveSeams() continues from its result.
 AtlasTuning MergingOf(const UnwrapOptions& options);
 double FirstStretch(const UnwrapOptions& options);
 
-// Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
+// Whether the map of a chart is unusable and the chart must be cut. Only charts of two faces or more can be cut.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
 
 // The same of an estimate of chart i of the segmentation.
@@ -201,7 +202,7 @@ bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const Chart
 // The numbers of the tuning for the effort with which the job packs.
 const PackerCuts& PackerCutsFor(const UnwrapOptions& options);
 
-// What a cut at a neck must gain for the packer.
+// The gain that a cut at a neck must have for the packer.
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 
 // Makes one chart of two wherever its map is sound and the packer loses less than a cut there would have to gain:
@@ -212,7 +213,7 @@ absl::Status JoinCharts(Job* job, Charts* charts);
 // The same by estimates, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
-// The number of the atlas that a face goes into, and with it its chart.
+// The number of the atlas of a face and its chart.
 std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
 
 // The mean of UnwrapOptions::face_weights over a chart, by area; the plain mean if its faces have no area.
@@ -267,8 +268,8 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv);
 // chart by itself. CANCELLED after a cancellation.
 absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Delivery* delivery);
 
-// In a draft: turns charts to where faces collapse or are turned over as delivered, if they do so at any of some
-// angles. What comes after widens these faces, or cuts the charts, as if the packer had turned them so.
+// In a draft: tries several angles for each chart, and rotates it to an angle at which faces collapse or flip as
+// delivered. Later steps widen these faces, or cut the charts, as if the packer had chosen that angle.
 void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery);
 
 // Moves charts, by kFreeMove at most, in which as delivered a few faces are collapsed or turned over or, once
@@ -282,13 +283,14 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
                  Charts* charts);
 
 // Cuts the charts that overlap themselves as delivered, which those do whose outlines touch themselves when rounding
-// moves them, and those that are stretched beyond kStretchTolerance times the limit: by rounding, or since faces that
-// turn out to be too thin for the type no longer count. Parts faces from charts that are still flipped or collapsed,
-// where widening has not helped. Like Refine().
+// moves them, and charts stretched beyond kStretchTolerance times the limit, by rounding or because faces too thin for
+// the type are no longer counted. Parts faces from charts that are still flipped or collapsed, where widening has not
+// helped. Like Refine().
 absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Delivery& delivery,
                                      std::vector<std::int32_t>* todo, Charts* charts);
 
-// Measures what is delivered and reports, the job's warnings and seconds included. CANCELLED after a cancellation.
+// Measures the delivered UV and makes the report, including the job's warnings and seconds. CANCELLED after a
+// cancellation.
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery);
 
 // ---- What callers are told about a result, in words and as data (warnings.cc). Messages count polygons, since these
@@ -337,7 +339,7 @@ void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std
 void WarnOfDensity(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv,
                    std::vector<UnwrapWarning>* warnings);
 
-// STOPPED: the caller asked for the best map so far.
+// STOPPED: the caller asked for the best map found by then.
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings);
 
 // UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.

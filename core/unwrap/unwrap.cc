@@ -197,7 +197,7 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts may be solved and placed repeatedly, especially those with faces too thin for the type: ten packings took
+  // Charts may be solved and placed repeatedly, especially charts with faces too thin for the type: ten packings took
   // most of the work. All but the last packing are drafts, beginning with the first if faces were widened, otherwise
   // with the second.
   std::optional<bool> is_draft;

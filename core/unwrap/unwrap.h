@@ -29,13 +29,13 @@ enum class Precision {
   kDouble,
 };
 
-// Which edges part charts, beside boundaries and edges that no chart can cross: those whose faces are wound against
-// each other. Where more than two faces meet, pairs of them stay joined, the flattest first, and charts end between
+// Which edges part charts, beside boundaries and edges that no chart can cross: edges between two faces of opposite
+// winding. Where more than two faces meet, pairs of them stay joined, the flattest first, and charts end between
 // others.
 enum class SeamPolicy {
   kNone,  // none: the mesh must be a disc
   // The given seams, and slits in pieces with holes that have no other sound map with a stretch of 2 or less (warning
-  // SEAMS_ADDED). Closed pieces, and those with handles, are refused.
+  // SEAMS_ADDED). Closed pieces, and pieces with handles, are refused.
   kKeep,
   kNeeded,  // the given seams, and more only where a piece is no disc or no map keeps its borders
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
@@ -54,8 +54,8 @@ struct SeamOptions {
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
   std::vector<std::int32_t> corners;
-  // Edges, in the same way, along which no seam is added, hard or not. Given seams, and edges that no chart can cross,
-  // part charts all the same.
+  // Edges, in the same form, along which no seam is added, even if they are hard edges. Given seams and edges that no
+  // chart can cross still separate charts.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
   // below this, as far as cutting helps. In [1.001, 100]; without: AtlasTuning::seams_stretch or texture_stretch.
@@ -64,7 +64,7 @@ struct SeamOptions {
 
 // Where several atlases go (UnwrapOptions::face_atlas).
 enum class AtlasLayout {
-  kUdim,     // into tiles of their own, those of atlas a beginning at a * PackOptions::tiles; one texel density
+  kUdim,     // each into its own tiles, from tile a * PackOptions::tiles on for atlas a; one texel density
   kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
 };
 
@@ -80,13 +80,13 @@ struct UnwrapOptions {
   bool finds_texture_size = false;
   // Per face: the number of the polygon that it is a triangle of, in [0, faces); empty: every face is a polygon. Each
   // polygon stays in one piece: no seam follows an edge between two of its triangles that run along it in opposite
-  // directions, whatever other faces have that edge (warning POLYGON_TORN where that was impossible).
+  // directions, even if other faces share the edge (warning POLYGON_TORN where that was impossible).
   std::vector<std::int32_t> face_polygon;
   // Per face: the number of the atlas that it goes into, from 0 on; empty: one for all. Charts end where it differs.
   std::vector<std::int32_t> face_atlas;
   AtlasLayout layout = AtlasLayout::kUdim;
-  // Per face: so many times the texels per length, in [kLeastWeight, kMostWeight]; empty: 1. Charts end where it
-  // differs; with SeamPolicy::kKeep they do not, and have the mean of their faces by area.
+  // Per face: factor of the texel density, in [kLeastWeight, kMostWeight]; empty: 1. Charts end where it differs. With
+  // SeamPolicy::kKeep they do not; a chart has the mean weight of its faces by area.
   std::vector<float> face_weights;
   AtlasTuning tuning;  // constants, for benches; results are promised for the defaults
   Precision precision = Precision::kAuto;
@@ -104,9 +104,10 @@ struct UnwrapOptions {
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
-  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces, and face_polygon, face_atlas
-  // and face_weights its faces, and go with the other options; otherwise OPTIONS_INVALID with metadata "field"
-  // ("seam_corners", "uncut_corners", ...) and "corner" or "face", the first that is wrong.
+  // Checks that seams.corners and seams.uncut_corners are corners of a mesh of `num_faces` faces, that face_polygon,
+  // face_atlas and face_weights have a value for each face, and that they go with the other options; otherwise
+  // OPTIONS_INVALID with metadata "field" ("seam_corners", "uncut_corners", ...) and "corner" or "face", the first that
+  // is wrong.
   absl::Status ValidateFor(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;
@@ -170,7 +171,7 @@ struct AtlasReport {
   int first_tile = 0;
   int tiles = 1;                  // from first_tile to the last that is used
   double texels_per_unit = 0;     // at weight 1
-  double packing_efficiency = 0;  // area of the faces over that of the tiles
+  double packing_efficiency = 0;  // area of the faces divided by the area of the tiles
 };
 
 struct UnwrapResult {

@@ -57,9 +57,9 @@ struct ThinFaces {
   Box box;  // of all corners of the chart
 };
 
-// The faces that rounding may collapse or flip, and those that already are. All must be widened; with `as_delivered`
-// only the latter, as altitudes say no more. in_plane(f) are the corners of face f, grain_of(p) is the rounding unit at
-// these, and `scale` is length in the plane over length on the surface.
+// Faces that rounding may collapse or flip, and faces that are already collapsed or flipped. All must be widened. With
+// `as_delivered` only the latter are, since altitudes no longer matter. in_plane(f) are the corners of face f,
+// grain_of(p) is the rounding unit at these, and `scale` is length in the plane over length on the surface.
 template <typename InPlane, typename GrainOf>
 ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
                    bool as_delivered, const InPlane& in_plane, const GrainOf& grain_of) {

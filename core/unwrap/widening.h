@@ -40,8 +40,8 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart);
 
-// Whether a face (numbered as in the mesh) of a chart is so thin on the surface that rounding stretches it across by
-// many per cent, or was drawn thicker, as faces beside widened ones are.
+// Whether a face (numbered as in the mesh) of a chart is thin enough on the surface for rounding to stretch it across
+// by many per cent, or was drawn thicker because a neighbour was widened.
 bool IsThin(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision, const Chart& chart,
             std::int32_t f);
 

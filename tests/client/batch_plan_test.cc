@@ -5,6 +5,7 @@
 
 #include <filesystem>
 
+#include "client/cli/unwrap_arguments.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"
@@ -19,7 +20,7 @@ using ::testing::Pair;
 
 class BatchPlanTest : public ::testing::Test {
  protected:
-  void SetUp() override { arguments_.output = (root_ / "out").string(); }
+  void SetUp() override { files_.output = (root_ / "out").string(); }
 
   std::string File(const std::string& name, const std::string& bytes = "x") const {
     fs::create_directories((root_ / name).parent_path());
@@ -28,9 +29,8 @@ class BatchPlanTest : public ::testing::Test {
   }
 
   BatchPlan Plan(const std::vector<std::string>& inputs) {
-    arguments_.input = inputs[0];
-    arguments_.more_inputs.assign(inputs.begin() + 1, inputs.end());
-    return PlanBatch(arguments_);
+    files_.inputs = inputs;
+    return PlanBatch(files_);
   }
 
   // "name -> key" of every item.
@@ -55,7 +55,7 @@ class BatchPlanTest : public ::testing::Test {
 
   const TempDir temporary_;
   const fs::path root_ = temporary_.Path();
-  Arguments arguments_;
+  BatchFiles files_;
 };
 
 TEST_F(BatchPlanTest, WalksDirectoriesInOrderAndSaysWhatItSkipped) {
@@ -70,7 +70,7 @@ TEST_F(BatchPlanTest, WalksDirectoriesInOrderAndSaysWhatItSkipped) {
   File("in/out/old.obj");
   const std::string single = File("else/0.ply");
   fs::create_directory_symlink(root_ / "in", root_ / "in" / "round");
-  arguments_.output = (root_ / "in" / "out").string();
+  files_.output = (root_ / "in" / "out").string();
   const BatchPlan plan = Plan({single, (root_ / "in").string() + "/"});
   std::vector<std::string> names;
   for (const BatchItem& item : plan.items) names.push_back(item.name + " -> " + item.key);
@@ -85,8 +85,8 @@ TEST_F(BatchPlanTest, WalksDirectoriesInOrderAndSaysWhatItSkipped) {
 }
 
 TEST_F(BatchPlanTest, OneFormatForAll) {
-  arguments_.format = "glb";
-  arguments_.texcoord = 1;
+  files_.format = "glb";
+  files_.texcoord = 1;
   const std::vector<std::string> files = {File("a.obj"), File("b.GLB"), File("c.x.gltf")};
   EXPECT_THAT(Way(files), ElementsAre("a.obj -> a.glb", "b.GLB -> b.GLB", "c.x.gltf -> c.x.glb"));
   const BatchPlan plan = Plan(files);
@@ -123,17 +123,17 @@ TEST_F(BatchPlanTest, ConflictsAreRefusedBeforeAnythingRuns) {
   EXPECT_THAT(Refusal({File("a/x.obj"), File("b/x.stl")}), HasSubstr("BATCH_OUTPUT_CONFLICT"));
   EXPECT_THAT(Refusal({File("a/x.obj"), (root_ / "a").string()}), HasSubstr("BATCH_OUTPUT_CONFLICT"));
   EXPECT_EQ(Refusal({File("a/x.obj"), File("b/x.ply")}), "");
-  arguments_.output = (root_ / "a").string() + "/";
+  files_.output = (root_ / "a").string() + "/";
   EXPECT_THAT(Refusal({File("a/x.obj"), File("b/y.ply")}), HasSubstr("is an input as well"));
-  arguments_.output = (root_ / "out").string();
-  arguments_.format = "glb";
-  arguments_.output = (root_ / "a").string();
+  files_.output = (root_ / "out").string();
+  files_.format = "glb";
+  files_.output = (root_ / "a").string();
   EXPECT_THAT(Refusal({(root_ / "a").string()}), HasSubstr("searched for inputs as well"));
-  arguments_.format = "";
-  arguments_.output = (root_ / "out").string();
+  files_.format = "";
+  files_.output = (root_ / "out").string();
   fs::create_directory(root_ / "empty");
   EXPECT_THAT(Refusal({(root_ / "empty").string()}), HasSubstr("BATCH_EMPTY"));
-  arguments_.output = File("file");
+  files_.output = File("file");
   EXPECT_THAT(Refusal({File("a/x.obj")}), HasSubstr("BATCH_OUTPUT_UNSUPPORTED"));
 }
 
@@ -155,19 +155,19 @@ TEST_F(BatchPlanTest, DigestsFollowContent) {
 }
 
 TEST_F(BatchPlanTest, SettingsAreWhatChangesBytes) {
-  Arguments arguments;
+  UnwrapArguments arguments;
   const std::string plain = SettingsDigest(arguments);
-  arguments.options.threads = 7;
+  arguments.map.options.threads = 7;
   arguments.json = true;
   arguments.timeout_seconds = 3;
   EXPECT_EQ(SettingsDigest(arguments), plain);
-  arguments.options.padding = 2;
+  arguments.map.options.padding = 2;
   const std::string padded = SettingsDigest(arguments);
   EXPECT_NE(padded, plain);
-  arguments.options.solver.hessian = Hessian::kExact;
+  arguments.map.options.solver.hessian = Hessian::kExact;
   EXPECT_NE(SettingsDigest(arguments), padded);
-  arguments.options = {};
-  arguments.seams.uv = true;
+  arguments.map.options = {};
+  arguments.map.seams.uv = true;
   EXPECT_NE(SettingsDigest(arguments), plain);
 }
 

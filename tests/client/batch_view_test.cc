@@ -118,14 +118,14 @@ TEST(BatchBarsTest, EndedLinesStayAboveTheLiveOnes) {
 }
 
 TEST(ProgressJsonTest, EveryEventHasTheFraction) {
-  Arguments arguments;
-  arguments.progress = ProgressMode::kJson;
+  TerminalArguments terminal;
+  terminal.progress = ProgressMode::kJson;
   Event event;
   event.progress.emplace();
   event.progress->stage = Stage::kPack;
   event.progress->elapsed = Seconds(3);
   ::testing::internal::CaptureStderr();
-  const auto view = NewProgressView(arguments, {"a.obj"}, /*is_batch=*/false);
+  const auto view = NewProgressView(terminal, {"a.obj"}, /*is_batch=*/false);
   view->Begin(0);
   view->OnEvent(0, event);
   view->Say("a line");
@@ -168,9 +168,9 @@ std::vector<BatchRow> Rows() {
 TEST(BatchBarsTest, LeavesOnlyWhatEnded) {
   ::testing::internal::CaptureStderr();
   {
-    Arguments arguments;
-    arguments.progress = ProgressMode::kBar;
-    const auto bars = NewProgressView(arguments, {"props/lamp.obj", "b.obj", "c.obj"}, /*is_batch=*/true);
+    TerminalArguments terminal;
+    terminal.progress = ProgressMode::kBar;
+    const auto bars = NewProgressView(terminal, {"props/lamp.obj", "b.obj", "c.obj"}, /*is_batch=*/true);
     for (std::size_t file = 0; file < 3; ++file) bars->Begin(file);
     Event event;
     event.progress.emplace();

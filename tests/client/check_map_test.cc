@@ -91,8 +91,8 @@ struct Judged {
   const MapCheck& check() const { return map.check; }
 };
 
-CheckArguments Everything(double min_padding = 10) {
-  CheckArguments wanted;
+Requirements Everything(double min_padding = 10) {
+  Requirements wanted;
   wanted.required = {Requirement::kUv,       Requirement::kNoOverlap,    Requirement::kNoFlip,
                      Requirement::kNoMirror, Requirement::kNoDegenerate, Requirement::kInTile};
   wanted.min_padding = min_padding;
@@ -100,7 +100,7 @@ CheckArguments Everything(double min_padding = 10) {
   return wanted;
 }
 
-Judged JudgeObj(const std::string& obj, const CheckArguments& wanted = Everything(), int tiles = 1) {
+Judged JudgeObj(const std::string& obj, const Requirements& wanted = Everything(), int tiles = 1) {
   TempDir directory;
   PutFile(directory.Path("in.obj"), obj);
   const MeshInput input(directory.Path("in.obj"));

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/arguments.h"
-#include "client/cli/commands.h"
+#include "client/cli/command_line.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "gmock/gmock.h"
@@ -25,86 +25,92 @@ ParsedArguments Parse(std::vector<const char*> words, const std::string& config 
   return ParseArguments(static_cast<int>(words.size()), words.data());
 }
 
+// The arguments of a command that was given rightly.
+template <typename CommandArguments>
+CommandArguments Of(const ParsedArguments& parsed) {
+  EXPECT_TRUE(parsed.arguments) << parsed.err;
+  const auto* const arguments = parsed.arguments ? std::get_if<CommandArguments>(&*parsed.arguments) : nullptr;
+  EXPECT_TRUE(arguments != nullptr) << "another command";
+  return arguments != nullptr ? *arguments : CommandArguments();
+}
+
+template <typename CommandArguments>
+CommandArguments Parsed(std::vector<const char*> words, const std::string& config = "") {
+  return Of<CommandArguments>(Parse(std::move(words), config));
+}
+
 TEST(ArgumentsTest, UnwrapWithEverything) {
-  const ParsedArguments parsed = Parse({"unwrap",
-                                        "in.obj",
-                                        "-o",
-                                        "out.obj",
-                                        "--server=h:1",
-                                        "--solver=minres",
-                                        "--system",
-                                        "full",
-                                        "--preconditioner=none",
-                                        "--hessian=exact",
-                                        "--boundary=convex",
-                                        "--precision=double",
-                                        "--seams=auto,hard:30,uv,materials,groups,edges:a.txt,edges:b.txt",
-                                        "--max-stretch=1.5",
-                                        "--texture-size=2048",
-                                        "--padding=0",
-                                        "--tiles=3",
-                                        "--effort=best",
-                                        "--tolerance=1e-7",
-                                        "--max-newton-iterations=7",
-                                        "--threads=3",
-                                        "--json",
-                                        "--progress=plain",
-                                        "--label=build=12",
-                                        "--label=note=a=b",
-                                        "--timeout=2.5"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  const Arguments& arguments = *parsed.arguments;
-  EXPECT_EQ(arguments.command, Command::kUnwrap);
-  EXPECT_EQ(arguments.input, "in.obj");
-  EXPECT_EQ(arguments.output, "out.obj");
-  EXPECT_EQ(arguments.server, "h:1");
-  EXPECT_EQ(arguments.options.solver.method, Solver::kMinres);
-  EXPECT_EQ(arguments.options.solver.system, System::kFull);
-  EXPECT_EQ(arguments.options.solver.preconditioner, Preconditioner::kNone);
-  EXPECT_EQ(arguments.options.solver.hessian, Hessian::kExact);
-  EXPECT_EQ(arguments.options.boundary, Boundary::kConvex);
-  EXPECT_EQ(arguments.options.precision, Precision::kDouble);
-  EXPECT_EQ(arguments.options.seams, Seams::kAuto);
-  EXPECT_EQ(arguments.options.hard_edge_degrees, 30);
-  EXPECT_EQ(arguments.options.max_stretch, 1.5);
-  EXPECT_EQ(arguments.options.texture_size, 2048);
-  EXPECT_EQ(arguments.options.padding, 0);
-  EXPECT_EQ(arguments.options.tiles, 3);
-  EXPECT_EQ(arguments.options.effort, Effort::kBest);
-  EXPECT_TRUE(arguments.options.pack);
-  EXPECT_TRUE(arguments.seams.uv && arguments.seams.materials && arguments.seams.groups);
-  EXPECT_THAT(arguments.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
-  EXPECT_EQ(arguments.options.solver.tolerance, 1e-7);
-  EXPECT_EQ(arguments.options.solver.max_newton_iterations, 7);
-  EXPECT_EQ(arguments.options.threads, 3);
+  const auto arguments = Parsed<UnwrapArguments>({"unwrap",
+                                                  "in.obj",
+                                                  "-o",
+                                                  "out.obj",
+                                                  "--server=h:1",
+                                                  "--solver=minres",
+                                                  "--system",
+                                                  "full",
+                                                  "--preconditioner=none",
+                                                  "--hessian=exact",
+                                                  "--boundary=convex",
+                                                  "--precision=double",
+                                                  "--seams=auto,hard:30,uv,materials,groups,edges:a.txt,edges:b.txt",
+                                                  "--max-stretch=1.5",
+                                                  "--texture-size=2048",
+                                                  "--padding=0",
+                                                  "--tiles=3",
+                                                  "--effort=best",
+                                                  "--tolerance=1e-7",
+                                                  "--max-newton-iterations=7",
+                                                  "--threads=3",
+                                                  "--json",
+                                                  "--progress=plain",
+                                                  "--label=build=12",
+                                                  "--label=note=a=b",
+                                                  "--timeout=2.5"});
+  EXPECT_EQ(arguments.inputs.first, "in.obj");
+  EXPECT_EQ(arguments.output.path, "out.obj");
+  EXPECT_EQ(arguments.server.address, "h:1");
+  EXPECT_EQ(arguments.map.options.solver.method, Solver::kMinres);
+  EXPECT_EQ(arguments.map.options.solver.system, System::kFull);
+  EXPECT_EQ(arguments.map.options.solver.preconditioner, Preconditioner::kNone);
+  EXPECT_EQ(arguments.map.options.solver.hessian, Hessian::kExact);
+  EXPECT_EQ(arguments.map.options.boundary, Boundary::kConvex);
+  EXPECT_EQ(arguments.map.options.precision, Precision::kDouble);
+  EXPECT_EQ(arguments.map.options.seams, Seams::kAuto);
+  EXPECT_EQ(arguments.map.options.hard_edge_degrees, 30);
+  EXPECT_EQ(arguments.map.options.max_stretch, 1.5);
+  EXPECT_EQ(arguments.map.options.texture_size, 2048);
+  EXPECT_EQ(arguments.map.options.padding, 0);
+  EXPECT_EQ(arguments.map.options.tiles, 3);
+  EXPECT_EQ(arguments.map.options.effort, Effort::kBest);
+  EXPECT_TRUE(arguments.map.options.pack);
+  EXPECT_TRUE(arguments.map.seams.uv && arguments.map.seams.materials && arguments.map.seams.groups);
+  EXPECT_THAT(arguments.map.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
+  EXPECT_EQ(arguments.map.options.solver.tolerance, 1e-7);
+  EXPECT_EQ(arguments.map.options.solver.max_newton_iterations, 7);
+  EXPECT_EQ(arguments.map.options.threads, 3);
   EXPECT_TRUE(arguments.json);
-  EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
+  EXPECT_EQ(arguments.terminal.progress, ProgressMode::kPlain);
   EXPECT_EQ(arguments.labels, (std::map<std::string, std::string>{{"build", "12"}, {"note", "a=b"}}));
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
 }
 
 TEST(ArgumentsTest, Admin) {
-  const ParsedArguments drain = Parse({"admin", "drain", "--wait", "--server=h:1"});
-  ASSERT_TRUE(drain.arguments) << drain.err;
-  EXPECT_EQ(drain.arguments->command, Command::kAdminDrain);
-  EXPECT_TRUE(drain.arguments->wait);
-  const ParsedArguments stats = Parse({"admin", "stats", "--json", "--server=h:1"});
-  ASSERT_TRUE(stats.arguments) << stats.err;
-  EXPECT_EQ(stats.arguments->command, Command::kAdminStats);
-  EXPECT_TRUE(stats.arguments->json);
-  EXPECT_EQ(Parse({"admin", "undrain", "--server=h:1"}).arguments->command, Command::kAdminUndrain);
-  EXPECT_EQ(Parse({"admin", "config", "--server=h:1"}).arguments->command, Command::kAdminConfig);
+  const auto drain = Parsed<AdminDrainArguments>({"admin", "drain", "--wait", "--server=h:1"});
+  EXPECT_TRUE(drain.wait);
+  const auto stats = Parsed<AdminStatsArguments>({"admin", "stats", "--json", "--server=h:1"});
+  EXPECT_TRUE(stats.json);
+  Parsed<AdminUndrainArguments>({"admin", "undrain", "--server=h:1"});
+  Parsed<AdminConfigArguments>({"admin", "config", "--server=h:1"});
   EXPECT_EQ(Parse({"admin", "config"}).exit_code, kUsage) << "a private server has nothing to look after";
   EXPECT_EQ(Parse({"admin"}).exit_code, kUsage);
 }
 
 TEST(ArgumentsTest, SeamPolicies) {
   const auto policy = [](const char* list) {
-    const ParsedArguments parsed = Parse({"unwrap", "in.obj", "-o", "o.obj", list});
-    EXPECT_TRUE(parsed.arguments) << parsed.err;
-    return parsed.arguments ? parsed.arguments->options.seams : Seams::kNone;
+    return Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj", list}).map.options.seams;
   };
-  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj"}).arguments->options.seams, Seams::kAuto) << "the default";
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj"}).map.options.seams, Seams::kAuto)
+      << "the default";
   EXPECT_EQ(policy("--seams=none"), Seams::kNone);
   EXPECT_EQ(policy("--seams=keep"), Seams::kKeep);
   EXPECT_EQ(policy("--seams=needed"), Seams::kNeeded);
@@ -113,71 +119,67 @@ TEST(ArgumentsTest, SeamPolicies) {
   EXPECT_EQ(policy("--seams=hard,auto"), Seams::kAuto);
   EXPECT_EQ(policy("--seams=uncut:a.txt"), Seams::kAuto) << "no source";
   EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=none,uncut:a.txt"}).exit_code, kUsage);
-  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=hard"}).arguments->options.hard_edge_degrees, 66);
-  EXPECT_FALSE(Parse({"unwrap", "in.obj", "-o", "o.obj", "--pack=off"}).arguments->options.pack);
-  EXPECT_EQ(Parse({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).arguments->texcoord, 1);
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj", "--seams=hard"}).map.options.hard_edge_degrees,
+            66);
+  EXPECT_FALSE(Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj", "--pack=off"}).map.options.pack);
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).texcoord, 1);
 }
 
 TEST(ArgumentsTest, SeveralFilesAreABatchUnlessTheyShareAnAtlas) {
-  ParsedArguments parsed = Parse({"unwrap", "a.obj", "b.glb", "-o", "out", "--format=glb", "--again", "--texcoord=1"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_TRUE(parsed.arguments->batch);
-  EXPECT_EQ(parsed.arguments->format, "glb");
-  EXPECT_TRUE(parsed.arguments->again);
-  EXPECT_THAT(parsed.arguments->more_inputs, ::testing::ElementsAre("b.glb"));
-  EXPECT_TRUE(Parse({"unwrap", ".", "-o", "out"}).arguments->batch) << "a directory";
-  EXPECT_TRUE(Parse({"unwrap", "a.obj", "b.obj", "-o", "out", "--detach", "--server=h:1"}).arguments->batch);
-  EXPECT_FALSE(Parse({"unwrap", "a.obj", "b.obj", "-o", "out", "--one-atlas"}).arguments->batch);
-  EXPECT_FALSE(Parse({"unwrap", "a.obj", "-o", "out/"}).arguments->batch);
+  const auto parsed =
+      Parsed<UnwrapArguments>({"unwrap", "a.obj", "b.glb", "-o", "out", "--format=glb", "--again", "--texcoord=1"});
+  EXPECT_TRUE(parsed.batch);
+  EXPECT_EQ(parsed.format, "glb");
+  EXPECT_TRUE(parsed.again);
+  EXPECT_THAT(parsed.inputs.more, ::testing::ElementsAre("b.glb"));
+  EXPECT_TRUE(Parsed<UnwrapArguments>({"unwrap", ".", "-o", "out"}).batch) << "a directory";
+  EXPECT_TRUE(Parsed<UnwrapArguments>({"unwrap", "a.obj", "b.obj", "-o", "out", "--detach", "--server=h:1"}).batch);
+  EXPECT_FALSE(Parsed<UnwrapArguments>({"unwrap", "a.obj", "b.obj", "-o", "out", "--one-atlas"}).batch);
+  EXPECT_FALSE(Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "out/"}).batch);
 }
 
 TEST(ArgumentsTest, AtlasesPerFileMakeOneJobAndOthersABatch) {
-  EXPECT_FALSE(Parse({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=file"}).arguments->batch);
-  const ParsedArguments parsed = Parse({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=mesh"});
-  EXPECT_TRUE(parsed.arguments->batch);
-  EXPECT_EQ(parsed.arguments->atlas_per, AtlasPer::kMesh);
+  EXPECT_FALSE(Parsed<UnwrapArguments>({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=file"}).batch);
+  const auto parsed = Parsed<UnwrapArguments>({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=mesh"});
+  EXPECT_TRUE(parsed.batch);
+  EXPECT_EQ(parsed.map.atlas_per, AtlasPer::kMesh);
 }
 
 TEST(ArgumentsTest, Pack) {
-  ParsedArguments parsed = Parse({"pack", "in.glb", "-o", "o.glb", "--texture-size=2048", "--padding=8", "--tiles=2",
-                                  "--density=keep", "--texcoord=1", "--preview=p.svg"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->command, Command::kPack);
-  EXPECT_EQ(parsed.arguments->input, "in.glb");
-  EXPECT_EQ(parsed.arguments->output, "o.glb");
-  EXPECT_EQ(parsed.arguments->options.texture_size, 2048);
-  EXPECT_EQ(parsed.arguments->options.padding, 8);
-  EXPECT_EQ(parsed.arguments->options.tiles, 2);
-  EXPECT_TRUE(parsed.arguments->keep_density);
-  EXPECT_EQ(parsed.arguments->texcoord, 1);
-  EXPECT_EQ(parsed.arguments->preview, "p.svg");
-  parsed = Parse({"pack", "in.obj", "-o", "-", "--density=equal", "--weight=skin=2", "--weight=a=b=0.5"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_FALSE(parsed.arguments->keep_density);
-  EXPECT_THAT(parsed.arguments->material_weights,
+  const auto parsed = Parsed<PackArguments>({"pack", "in.glb", "-o", "o.glb", "--texture-size=2048", "--padding=8",
+                                             "--tiles=2", "--density=keep", "--texcoord=1", "--preview=p.svg"});
+  EXPECT_EQ(parsed.input, "in.glb");
+  EXPECT_EQ(parsed.output.path, "o.glb");
+  EXPECT_EQ(parsed.options.texture_size, 2048);
+  EXPECT_EQ(parsed.options.padding, 8);
+  EXPECT_EQ(parsed.options.tiles, 2);
+  EXPECT_TRUE(parsed.keep_density);
+  EXPECT_EQ(parsed.texcoord, 1);
+  EXPECT_EQ(parsed.output.preview, "p.svg");
+  const auto weighted =
+      Parsed<PackArguments>({"pack", "in.obj", "-o", "-", "--density=equal", "--weight=skin=2", "--weight=a=b=0.5"});
+  EXPECT_FALSE(weighted.keep_density);
+  EXPECT_THAT(weighted.material_weights,
               ::testing::ElementsAre(::testing::Pair("a=b", 0.5), ::testing::Pair("skin", 2.0)));
 }
 
 TEST(ArgumentsTest, LightmapsAreASecondSetOfUv) {
-  const ParsedArguments plain = Parse({"unwrap", "a.glb", "-o", "b.glb", "--texcoord=2"});
-  ASSERT_TRUE(plain.arguments) << plain.err;
-  EXPECT_EQ(plain.arguments->OutputTexcoord(), 2);
-  const ParsedArguments parsed = Parse({"unwrap", "a.glb", "-o", "b.glb", "--preset=lightmap"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->texcoord, 0);
-  EXPECT_EQ(parsed.arguments->OutputTexcoord(), 1);
-  EXPECT_EQ(parsed.arguments->options.padding, 4);
-  EXPECT_EQ(parsed.arguments->options.seams, Seams::kAuto);
-  EXPECT_EQ(parsed.arguments->options.prefer, Prefer::kTexture);
-  EXPECT_EQ(plain.arguments->options.prefer, Prefer::kSeams);
-  EXPECT_TRUE(parsed.arguments->seams.uv && parsed.arguments->seams.uv_is_optional);
-  const ParsedArguments own = Parse({"unwrap", "a.glb", "-o", "b.glb", "--output-texcoord=3", "--preset=lightmap",
-                                     "--padding=1", "--seams=keep,hard"});
-  ASSERT_TRUE(own.arguments) << own.err;
-  EXPECT_EQ(own.arguments->OutputTexcoord(), 3);
-  EXPECT_EQ(own.arguments->options.padding, 1);
-  EXPECT_EQ(own.arguments->options.seams, Seams::kKeep);
-  EXPECT_FALSE(own.arguments->seams.uv);
+  const auto plain = Parsed<UnwrapArguments>({"unwrap", "a.glb", "-o", "b.glb", "--texcoord=2"});
+  EXPECT_EQ(plain.output.texcoord, std::nullopt);
+  const auto parsed = Parsed<UnwrapArguments>({"unwrap", "a.glb", "-o", "b.glb", "--preset=lightmap"});
+  EXPECT_EQ(parsed.texcoord, 0);
+  EXPECT_EQ(parsed.output.texcoord, 1);
+  EXPECT_EQ(parsed.map.options.padding, 4);
+  EXPECT_EQ(parsed.map.options.seams, Seams::kAuto);
+  EXPECT_EQ(parsed.map.options.prefer, Prefer::kTexture);
+  EXPECT_EQ(plain.map.options.prefer, Prefer::kSeams);
+  EXPECT_TRUE(parsed.map.seams.uv && parsed.map.seams.uv_is_optional);
+  const auto own = Parsed<UnwrapArguments>({"unwrap", "a.glb", "-o", "b.glb", "--output-texcoord=3",
+                                            "--preset=lightmap", "--padding=1", "--seams=keep,hard"});
+  EXPECT_EQ(own.output.texcoord, 3);
+  EXPECT_EQ(own.map.options.padding, 1);
+  EXPECT_EQ(own.map.options.seams, Seams::kKeep);
+  EXPECT_FALSE(own.map.seams.uv);
 }
 
 TEST(ArgumentsTest, SuggestsWhatWasMeant) {
@@ -193,30 +195,28 @@ TEST(ArgumentsTest, SuggestsWhatWasMeant) {
 }
 
 TEST(ArgumentsTest, Preview) {
-  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--preview=a.png"}).arguments->preview, "a.png");
-  EXPECT_EQ(Parse({"jobs", "watch", "x", "--server=h:1", "--mesh=in.obj", "-o", "o.obj", "--preview=a.svg"})
-                .arguments->preview,
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj", "--preview=a.png"}).output.preview, "a.png");
+  EXPECT_EQ(Parsed<JobsWatchArguments>(
+                {"jobs", "watch", "x", "--server=h:1", "--mesh=in.obj", "-o", "o.obj", "--preview=a.svg"})
+                .output.preview,
             "a.svg");
 }
 
 TEST(ArgumentsTest, Inspect) {
-  const ParsedArguments parsed = Parse({"inspect", "in.obj", "--json"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->command, Command::kInspect);
-  EXPECT_EQ(parsed.arguments->input, "in.obj");
-  EXPECT_TRUE(parsed.arguments->json);
+  const auto parsed = Parsed<InspectArguments>({"inspect", "in.obj", "--json"});
+  EXPECT_EQ(parsed.input, "in.obj");
+  EXPECT_TRUE(parsed.json);
   EXPECT_EQ(Parse({"inspect"}).exit_code, kUsage);
 }
 
 TEST(ArgumentsTest, Scheduling) {
-  const ParsedArguments parsed =
-      Parse({"unwrap", "in.obj", "-o", "o.obj", "--priority=high", "--deadline=90", "--budget=2.5", "--fresh"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->scheduling.priority, Priority::kHigh);
-  EXPECT_EQ(parsed.arguments->scheduling.timeout, Seconds(90));
-  EXPECT_EQ(parsed.arguments->scheduling.compute_budget, Seconds(2.5));
-  EXPECT_TRUE(parsed.arguments->scheduling.fresh);
-  const Scheduling by_default = Parse({"unwrap", "in.obj", "-o", "o.obj"}).arguments->scheduling;
+  const auto parsed = Parsed<UnwrapArguments>(
+      {"unwrap", "in.obj", "-o", "o.obj", "--priority=high", "--deadline=90", "--budget=2.5", "--fresh"});
+  EXPECT_EQ(parsed.scheduling.priority, Priority::kHigh);
+  EXPECT_EQ(parsed.scheduling.timeout, Seconds(90));
+  EXPECT_EQ(parsed.scheduling.compute_budget, Seconds(2.5));
+  EXPECT_TRUE(parsed.scheduling.fresh);
+  const Scheduling by_default = Parsed<UnwrapArguments>({"unwrap", "in.obj", "-o", "o.obj"}).scheduling;
   EXPECT_EQ(by_default.priority, Priority::kNormal);
   EXPECT_EQ(by_default.timeout, Seconds(0));
   EXPECT_FALSE(by_default.fresh);
@@ -226,11 +226,9 @@ TEST(ArgumentsTest, Scheduling) {
 }
 
 TEST(ArgumentsTest, Estimate) {
-  const ParsedArguments of_file = Parse({"estimate", "in.obj"});
-  ASSERT_TRUE(of_file.arguments) << of_file.err;
-  EXPECT_EQ(of_file.arguments->command, Command::kEstimate);
-  EXPECT_EQ(of_file.arguments->input, "in.obj");
-  EXPECT_EQ(Parse({"estimate", "--triangles=5000000000"}).arguments->triangles, 5'000'000'000);
+  const auto of_file = Parsed<EstimateArguments>({"estimate", "in.obj"});
+  EXPECT_EQ(of_file.input, "in.obj");
+  EXPECT_EQ(Parsed<EstimateArguments>({"estimate", "--triangles=5000000000"}).triangles, 5'000'000'000);
   for (const auto& bad : std::vector<std::vector<const char*>>{
            {"estimate"}, {"estimate", "in.obj", "--triangles=5"}, {"estimate", "--triangles=0"}}) {
     EXPECT_EQ(Parse(bad).exit_code, kUsage);
@@ -238,29 +236,26 @@ TEST(ArgumentsTest, Estimate) {
 }
 
 TEST(ArgumentsTest, JobsStopAndLabels) {
-  EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->command, Command::kJobsStop);
-  EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->job, "jobs/abc");
-  const ParsedArguments list =
-      Parse({"jobs", "list", "--label=file=night/*", "--filter=labels:build", "--state=EXPIRED", "--server=h:1"});
-  ASSERT_TRUE(list.arguments) << list.err;
-  EXPECT_EQ(list.arguments->labels.at("file"), "night/*");
-  EXPECT_EQ(list.arguments->filter, "labels:build");
-  EXPECT_EQ(list.arguments->state, JobState::kExpired);
+  Parsed<JobsStopArguments>({"jobs", "stop", "abc", "--server=h:1"});
+  EXPECT_EQ(Parsed<JobsStopArguments>({"jobs", "stop", "abc", "--server=h:1"}).job, "jobs/abc");
+  const auto list = Parsed<JobsListArguments>(
+      {"jobs", "list", "--label=file=night/*", "--filter=labels:build", "--state=EXPIRED", "--server=h:1"});
+  EXPECT_EQ(list.labels.at("file"), "night/*");
+  EXPECT_EQ(list.filter, "labels:build");
+  EXPECT_EQ(list.state, JobState::kExpired);
 }
 
 TEST(ArgumentsTest, JobsCommands) {
-  ParsedArguments parsed = Parse({"jobs", "watch", "abc", "--mesh", "in.obj", "-o", "-", "--server=h:1"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->command, Command::kJobsWatch);
-  EXPECT_EQ(parsed.arguments->job, "jobs/abc");
-  EXPECT_EQ(parsed.arguments->input, "in.obj");
-  parsed = Parse({"jobs", "list", "--state=FAILED", "--limit=3", "--server=h:1"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->state, JobState::kFailed);
-  EXPECT_EQ(parsed.arguments->limit, 3);
-  EXPECT_EQ(Parse({"jobs", "cancel", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsCancel);
-  EXPECT_EQ(Parse({"jobs", "delete", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsDelete);
-  EXPECT_EQ(Parse({"jobs", "show", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsShow);
+  const auto parsed =
+      Parsed<JobsWatchArguments>({"jobs", "watch", "abc", "--mesh", "in.obj", "-o", "-", "--server=h:1"});
+  EXPECT_EQ(parsed.job, "jobs/abc");
+  EXPECT_EQ(parsed.input, "in.obj");
+  const auto list = Parsed<JobsListArguments>({"jobs", "list", "--state=FAILED", "--limit=3", "--server=h:1"});
+  EXPECT_EQ(list.state, JobState::kFailed);
+  EXPECT_EQ(list.limit, 3);
+  Parsed<JobsCancelArguments>({"jobs", "cancel", "jobs/x", "--server=h:1"});
+  Parsed<JobsDeleteArguments>({"jobs", "delete", "jobs/x", "--server=h:1"});
+  Parsed<JobsShowArguments>({"jobs", "show", "jobs/x", "--server=h:1"});
 }
 
 TEST(ArgumentsTest, ServerFromTheEnvironment) {
@@ -268,16 +263,14 @@ TEST(ArgumentsTest, ServerFromTheEnvironment) {
   const char* words[] = {"planish", "jobs", "list"};
   const ParsedArguments parsed = ParseArguments(3, words);
   unsetenv("PLANISH_SERVER");
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  EXPECT_EQ(parsed.arguments->server, "farm:7741");
+  EXPECT_EQ(Of<JobsListArguments>(parsed).server.address, "farm:7741");
 }
 
 TEST(ArgumentsTest, HowToReachAServer) {
-  const ParsedArguments parsed =
-      Parse({"jobs", "list", "--server=h:1", "--tls", "--tls-ca=ca", "--tls-cert=cert", "--tls-key=key",
-             "--tls-server-name=name", "--token-file=file", "--token-over-plaintext"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  const ClientOptions options = WithServerFlags({}, parsed.arguments->server_flags);
+  const auto parsed = Parsed<JobsListArguments>({"jobs", "list", "--server=h:1", "--tls", "--tls-ca=ca",
+                                                 "--tls-cert=cert", "--tls-key=key", "--tls-server-name=name",
+                                                 "--token-file=file", "--token-over-plaintext"});
+  const ClientOptions options = WithServer({}, parsed.server);
   EXPECT_TRUE(options.tls);
   EXPECT_EQ(options.tls_ca_file, "ca");
   EXPECT_EQ(options.tls_cert_file, "cert");
@@ -291,11 +284,10 @@ TEST(ArgumentsTest, HowToReachAServerByTheEnvironment) {
   setenv("PLANISH_TLS", "1", 1);
   setenv("PLANISH_TLS_CA", "ca", 1);
   setenv("PLANISH_TOKEN", "secret", 1);
-  const ParsedArguments parsed = Parse({"version", "--server=h:1"});
-  ASSERT_TRUE(parsed.arguments) << parsed.err;
-  const ClientOptions options = WithServerFlags({}, parsed.arguments->server_flags);
-  const ParsedArguments with_file = Parse({"version", "--server=h:1", "--token-file=file"});
-  const ClientOptions file = WithServerFlags({}, with_file.arguments->server_flags);
+  const auto parsed = Parsed<VersionArguments>({"version", "--server=h:1"});
+  const ClientOptions options = WithServer({}, parsed.server);
+  const auto with_file = Parsed<VersionArguments>({"version", "--server=h:1", "--token-file=file"});
+  const ClientOptions file = WithServer({}, with_file.server);
   unsetenv("PLANISH_TLS");
   unsetenv("PLANISH_TLS_CA");
   unsetenv("PLANISH_TOKEN");
@@ -371,6 +363,7 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"pack", "in.obj", "-o", "x.obj", "--weight=skin"}, "MATERIAL=X"},
       {{"pack", "in.obj", "-o", "x.obj", "--weight=skin=0"}, "0.01 to 100"},
       {{"pack", "in.obj", "-o", "x.obj", "--pack=off"}, "--pack"},
+      {{"pack", "in.obj", "-o", "x.obj", "--texels-per-unit=9", "--density=keep"}, "leave one of them out"},
       {{"pack", "in.obj", "-o", "x.obj", "--texture-size=32", "--padding=32"}, "leaves no room"},
       {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
@@ -408,14 +401,17 @@ TEST(ArgumentsTest, ShortHelpHasTheMostUsedFlagsAndLongHelpAll) {
 }
 
 TEST(ArgumentsTest, QuietShowsNoProgressUnlessItIsAskedFor) {
-  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj"}).arguments->progress, ProgressMode::kAuto);
-  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q"}).arguments->progress, ProgressMode::kNone);
-  EXPECT_TRUE(Parse({"unwrap", "a.obj", "-o", "b.obj", "-v"}).arguments->verbose);
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "b.obj"}).terminal.ShownProgress(), ProgressMode::kAuto);
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "b.obj", "-q"}).terminal.ShownProgress(),
+            ProgressMode::kNone);
+  EXPECT_TRUE(Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "b.obj", "-v"}).terminal.verbose);
   EXPECT_THAT(Parse({"unwrap", "a.obj", "-o", "b.obj", "-v", "-q"}).err, HasSubstr("--quiet excludes --verbose"));
-  EXPECT_TRUE(Parse({"jobs", "watch", "1", "--server=a:1", "--quiet"}).arguments->quiet);
-  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q", "--progress=json"}).arguments->progress,
-            ProgressMode::kJson);
-  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "--color=never"}).arguments->color, ColorMode::kNever);
+  EXPECT_TRUE(Parsed<JobsWatchArguments>({"jobs", "watch", "1", "--server=a:1", "--quiet"}).terminal.quiet);
+  EXPECT_EQ(
+      Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "b.obj", "-q", "--progress=json"}).terminal.ShownProgress(),
+      ProgressMode::kJson);
+  EXPECT_EQ(Parsed<UnwrapArguments>({"unwrap", "a.obj", "-o", "b.obj", "--color=never"}).terminal.color,
+            ColorMode::kNever);
 }
 
 TEST(ArgumentsTest, FlagsComeFromTheConfigurationFile) {
@@ -426,15 +422,16 @@ TEST(ArgumentsTest, FlagsComeFromTheConfigurationFile) {
   };
   const std::string text =
       "server = \"farm:1\"\nquiet = true\ntexture-size = 512\n[unwrap]\ntexture-size = 2048\n[jobs.list]\nlimit = 7\n";
-  const ParsedArguments unwrap = parse(text, {"unwrap", "in.obj", "-o", "out.obj"});
-  ASSERT_TRUE(unwrap.arguments) << unwrap.err;
-  EXPECT_EQ(unwrap.arguments->server, "farm:1");
-  EXPECT_TRUE(unwrap.arguments->quiet);
-  EXPECT_EQ(unwrap.arguments->options.texture_size, 2048) << "the command's section goes over what is for all";
-  EXPECT_EQ(parse(text, {"unwrap", "in.obj", "-o", "o.obj", "--texture-size=64"}).arguments->options.texture_size, 64);
-  EXPECT_EQ(parse(text, {"pack", "in.obj", "-o", "out.obj"}).arguments->options.texture_size, 512);
-  EXPECT_EQ(parse(text, {"jobs", "list"}).arguments->limit, 7);
-  EXPECT_EQ(parse(text, {"unwrap", "-o", "out.obj", "--", "-in.obj"}).arguments->input, "-in.obj");
+  const auto unwrap = Of<UnwrapArguments>(parse(text, {"unwrap", "in.obj", "-o", "out.obj"}));
+  EXPECT_EQ(unwrap.server.address, "farm:1");
+  EXPECT_TRUE(unwrap.terminal.quiet);
+  EXPECT_EQ(unwrap.map.options.texture_size, 2048) << "the command's section goes over what is for all";
+  EXPECT_EQ(Of<UnwrapArguments>(parse(text, {"unwrap", "in.obj", "-o", "o.obj", "--texture-size=64"}))
+                .map.options.texture_size,
+            64);
+  EXPECT_EQ(Of<PackArguments>(parse(text, {"pack", "in.obj", "-o", "out.obj"})).options.texture_size, 512);
+  EXPECT_EQ(Of<JobsListArguments>(parse(text, {"jobs", "list"})).limit, 7);
+  EXPECT_EQ(Of<UnwrapArguments>(parse(text, {"unwrap", "-o", "out.obj", "--", "-in.obj"})).inputs.first, "-in.obj");
   EXPECT_THAT(parse("serve = 1\n", {"unwrap", "in.obj", "-o", "out.obj"}).err, HasSubstr("no flag --serve"));
   EXPECT_THAT(parse("[wrap]\njson = true\n", {"inspect", "in.obj"}).err, HasSubstr("no command wrap"));
   EXPECT_EQ(parse("texture-size = 3\n", {"unwrap", "in.obj", "-o", "out.obj"}).exit_code, kUsage);

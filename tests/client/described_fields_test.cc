@@ -13,8 +13,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "client/cli/arguments.h"
 #include "client/cli/batch_plan.h"
+#include "client/cli/command_line.h"
 #include "client/cli/results.h"
 #include "client/src/convert.h"
 #include "gmock/gmock.h"
@@ -46,13 +46,13 @@ const v1::About& AboutOf(const FieldDescriptor& field) {
   return field.options().GetExtension(v1::about);
 }
 
-Arguments ParseUnwrap(const std::vector<std::string>& flags) {
+UnwrapArguments ParseUnwrap(const std::vector<std::string>& flags) {
   std::vector<const char*> words = {"planish", "unwrap", "in.obj", "-o", "out.obj"};
   for (const std::string& flag : flags) words.push_back(flag.c_str());
   setenv("PLANISH_CONFIG", "", 1);
   const ParsedArguments parsed = ParseArguments(static_cast<int>(words.size()), words.data());
   EXPECT_TRUE(parsed.arguments) << parsed.err;
-  return parsed.arguments.value_or(Arguments());
+  return std::get<UnwrapArguments>(parsed.arguments.value_or(UnwrapArguments()));
 }
 
 // A value of the flag other than the default.
@@ -82,10 +82,10 @@ TEST(DescribedFields, EveryOptionHasAFlagThatSetsIt) {
     ASSERT_FALSE(AboutOf(*field).flag().empty()) << field->name() << " has no flag";
     std::vector<std::string> beside;
     if (kBeside.contains(field->name())) beside.push_back(kBeside.at(field->name()));
-    const Arguments without = ParseUnwrap(beside);
+    const UnwrapArguments without = ParseUnwrap(beside);
     beside.push_back(FlagOf(*field));
-    const Arguments with = ParseUnwrap(beside);
-    v1::UnwrapOptions changed = ToProto(with.options), plain = ToProto(without.options);
+    const UnwrapArguments with = ParseUnwrap(beside);
+    v1::UnwrapOptions changed = ToProto(with.map.options), plain = ToProto(without.map.options);
     EXPECT_NE(changed.SerializeAsString(), plain.SerializeAsString()) << beside.back();
     // And nothing else.
     for (v1::UnwrapOptions* options : {&changed, &plain}) options->GetReflection()->ClearField(options, field);

@@ -122,6 +122,9 @@ TEST(ElementIdsTest, MetadataKeepsWhatIsNoId) {
                                  {"vertices", "105,9"},
                                  {"genus", "1"}};
   EXPECT_EQ(ids::RenumberMetadata(metadata, plus), moved);
+  ids::Renumbering halves;
+  halves.face = [](std::int64_t f) { return f / 2; };
+  EXPECT_EQ(ids::RenumberMetadata({{"faces", "6,7,12,1,13"}}, halves).at("faces"), "3,6,0") << "each once";
   const Error error = Renumbered(Error(ErrorCode::kInvalidArgument, "X", "82 faces meet at 2 edges", metadata), plus);
   EXPECT_EQ(error.metadata(), moved);
   EXPECT_STREQ(error.what(), "82 faces meet at 2 edges") << "messages have counts, no ids";

@@ -5,10 +5,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "core/mesh/predicates.h"
 #include "gtest/gtest.h"
+#include "planish/error.h"
 
 namespace planish::cli {
 namespace {
@@ -160,6 +162,29 @@ TEST(Repack, EqualDensityOfIslandsThatStayAsTheyAre) {
   }
   EXPECT_NEAR(done.covered, area, 0.005);
   EXPECT_GT(area, 0.5);
+}
+
+TEST(Repack, IslandsHaveTheDensityThatIsAskedFor) {
+  const Sheet sheet = FiveIslands();
+  RepackOptions options = Options(false);
+  options.texels_per_unit = 200;
+  try {
+    Repack(sheet.mesh, sheet.uv, {}, options);
+    FAIL() << "six squares of 200 texels do not fit into 256";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
+    EXPECT_EQ(error.metadata().at("field"), "texels_per_unit");
+    const double most = Repack(sheet.mesh, sheet.uv, {}, Options(false)).texels_per_unit;
+    EXPECT_NEAR(std::stod(error.metadata().at("most")), most, 1e-3 * most);
+  }
+  options.finds_texture_size = true;
+  const Repacking done = Repack(sheet.mesh, sheet.uv, {}, options);
+  EXPECT_EQ(done.texture_size, 1024);
+  EXPECT_NEAR(done.texels_per_unit, 200, 1e-6);
+  for (std::size_t f = 0; f < 5 * Sheet::kFaces; ++f) {
+    const double density = 1024 * std::sqrt(std::abs(SignedArea(done.uv, f)) / SurfaceArea(sheet.mesh, f));
+    EXPECT_NEAR(density, 200, 0.1) << "face " << f;
+  }
 }
 
 TEST(Repack, KeepsRelativeSizesIfAsked) {

@@ -2,7 +2,7 @@
 #include <sstream>
 #include <string>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "gmock/gmock.h"

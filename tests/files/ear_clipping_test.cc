@@ -101,5 +101,16 @@ TEST(EarClipping, WhatIsNoPolygonIsAFanAllTheSame) {
   EXPECT_EQ(TrianglesOfPolygon(std::vector<Vec3>(20000, Vec3(1, 1, 1))).size(), 19998u);
 }
 
+TEST(CrossesItself, FindsBowTiesThatBend) {
+  EXPECT_TRUE(CrossesItself({{0, 0, 0}, {1, 1, 0}, {1, 0, 0}, {0, 1, 0}}));
+  // Of a public mesh; the crossing sides pass each other at an eighth of the longest side.
+  EXPECT_TRUE(
+      CrossesItself({{3.134, 1.037, 0.034}, {3.993, 1.101, 0.078}, {3.198, 1.952, -0.402}, {3.857, 2.161, -0.130}}));
+  EXPECT_FALSE(CrossesItself({{0, 0, 0}, {1, 0, 0.1}, {1, 1, 0}, {0, 1, 0.1}})) << "a saddle";
+  EXPECT_FALSE(CrossesItself({{-1, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0.9, 0.1}})) << "folded along its diagonal";
+  EXPECT_FALSE(CrossesItself({{0, 0, 0}, {1, 0, 0}, {0.5, 1, 0.5}, {0.5, 1, -0.5}})) << "a quarter turn of a ribbon";
+  EXPECT_FALSE(CrossesItself({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}}));
+}
+
 }  // namespace
 }  // namespace planish

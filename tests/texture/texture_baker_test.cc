@@ -16,7 +16,7 @@ TextureImage Bake(const TextureImage& from, const std::vector<TextureTriangle>& 
   header.width = header.height = side;
   TextureBaker baker(header, &team);
   source.image = &from;
-  EXPECT_TRUE(baker.Draw(source, triangles, {}, options).ok());
+  EXPECT_TRUE(baker.Draw(source, {triangles}, options).ok());
   return baker.Finish();
 }
 

@@ -11,7 +11,7 @@ export interface ChartInfo {
 export interface Finding {
   kind: string;
   text: string;
-  fault?: number; // bit of Faces.faults: what it is about
+  fault?: number; // the bit of Faces.faults
   charts?: number[];
   faces?: number[]; // triangles
 }
@@ -51,7 +51,7 @@ export interface Unwrap {
   charts?: ChartSolve[];
   seconds?: Record<string, number>;
   warnings?: { reason: string; message: string; metadata?: Record<string, string> }[];
-  largest?: number[]; // as ChartSolve.steps, of whichever chart is worst
+  largest?: number[]; // like ChartSolve.steps, the largest of all charts
   tolerance?: number;
 }
 

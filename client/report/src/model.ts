@@ -1,4 +1,4 @@
-// One map on the graphics card: what is drawn of it in both views.
+// One map on the graphics card, for both views.
 import * as THREE from 'three';
 import { FAULTS, type Finding, type MapData } from './data';
 import {

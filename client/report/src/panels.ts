@@ -38,7 +38,7 @@ function methodOf(solve: ChartSolve): string {
   return solve.method === 'abf' ? solver : solve.method;
 }
 
-// Which chart of the solver became which of the map: those of as many triangles and the same stretch.
+// Matches charts of the solver with charts of the map by triangle count and stretch.
 export function matchSolves(charts: ChartInfo[], solves: ChartSolve[]): (ChartSolve | undefined)[] {
   const left = new Map<number, ChartSolve[]>();
   for (const solve of solves) left.set(solve.triangles, [...(left.get(solve.triangles) ?? []), solve]);

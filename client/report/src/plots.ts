@@ -44,7 +44,7 @@ export function residualPlot(unwrap: Unwrap, charts: Solved[], selected: number)
   const title = ({ solve, chart }: Solved): string =>
     `<title>${chart === undefined ? 'a chart' : `chart ${chart}`}: ${solve.triangles.toLocaleString('en')} triangles, ${solve.newton_iterations} steps${solve.converged ? '' : ', not converged'}</title>`;
   const link = ({ chart }: Solved): string => (chart === undefined ? '' : ` data-chart="${chart}"`);
-  // What is selected comes last, over the others.
+  // The selected curve comes last, above the others.
   const order = [...ends].sort((a, b) => Number(a.chart === selected) - Number(b.chart === selected));
   for (const each of order) {
     const of = each.chart === selected && selected >= 0 ? ' chosen' : '';

@@ -68,7 +68,7 @@ function address(page: string): string {
   return escape(page.split('/').map(encodeURIComponent).join('/'));
 }
 
-// What has no value comes last, whichever way.
+// Rows without a value come last in both directions.
 function sorted(rows: Row[]): Row[] {
   const column = columns.find((c) => c.key === state.sortBy);
   if (!column) return rows;

@@ -68,7 +68,7 @@ export class Viewer {
     this.models = maps.map((data) => new MapModel(data, provoking !== null));
     this.shown = maps.map((_, i) => i);
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
-    this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // the shaders write what is to be seen
+    this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // the shaders write display colours
     this.sphere = this.tightSphere();
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
@@ -106,7 +106,7 @@ export class Viewer {
     this.resize();
   }
 
-  // Of the places themselves: boxes have the corners that a surface lacks.
+  // The sphere around the vertices themselves: a box has corners where the surface has none.
   private tightSphere(): THREE.Sphere {
     for (const model of this.models) {
       const { info } = model.data;
@@ -228,7 +228,7 @@ export class Viewer {
     this.redraw();
   }
 
-  // Nothing moves, and what was asked for is drawn.
+  // Nothing moves, and the last frame asked for is drawn.
   get isIdle(): boolean {
     return !this.needsFrame && !this.flight;
   }

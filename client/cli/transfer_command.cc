@@ -1,7 +1,7 @@
-// planish transfer: the images of one file in the map of another.
+#include "client/cli/transfer_command.h"
+
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cstdint>
 #include <iostream>
@@ -11,17 +11,65 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/flags.h"
+#include "client/cli/image_work.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/results.h"
+#include "client/cli/session.h"
 #include "client/cli/text.h"
 #include "client/files/surface_projection.h"
+#include "client/src/errors.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
+
+void AddFlags(CLI::App& app, TransferArguments& arguments) {
+  app.footer(
+      "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
+      "same triangles,\nin any order, as where TO was unwrapped elsewhere. With --project they need not. Exit codes: 0 "
+      "written, 1 the surfaces differ or\nTO has no UV, 2 bad usage or an unreadable file or image.");
+  app.add_option("FROM", arguments.from, "Model with images: .gltf, .glb, or .obj with its material files")
+      ->required()
+      ->type_name("");
+  app.add_option("TO", arguments.to, "Mesh file with the UV that it is to have")
+      ->required()
+      ->expected(1)
+      ->type_name("");
+  AddOutput(app, arguments.output, /*takes_batch=*/false);
+  app.add_option("--texture-size", arguments.texture_size,
+                 "Texels per side of the new images, 16 to 65536 [as many as keep the texel density]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  app.add_option("--texcoord", arguments.texcoord, "Which set of UV of TO, TEXCOORD_N of a glTF, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  app.add_option_function<int>(
+         "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
+         "Which set of FROM they replace [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+  app.add_flag("--project", arguments.project,
+               "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
+               "FROM's colours and normals as images");
+  app.add_option("--cage", arguments.cage_percent,
+                 "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
+      ->check(CLI::Range(0.001, 100.0).description(""))
+      ->type_name("PERCENT");
+  AddImageFlags(app, arguments.textures);
+  AddJson(app, arguments.json);
+  AddTerminal(app, arguments.terminal);
+  AddProgress(app, arguments.terminal);
+}
+
+std::string Check(TransferArguments& arguments) {
+  return FirstProblem({CheckStreams({arguments.from, arguments.to}), CheckStdout(arguments.output, arguments.json),
+                       CheckDestination(arguments.output, "transfer", arguments.from)});
+}
+
 namespace {
 
-// Places of corners, rounded to float: the same number in an OBJ and in a glTF.
+// Positions of corners, rounded to float, so that an OBJ and a glTF have equal numbers.
 using Place = std::array<std::uint32_t, 3>;
 using PlacesOfFace = std::array<Place, 3>;
 
@@ -35,7 +83,7 @@ struct HashOfPlaces {
   }
 };
 
-// The corners of a face from the one with the least place on, and which one that is.
+// The positions of the corners of a face, rotated so that the least comes first, and the corner that it belongs to.
 std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) {
   PlacesOfFace places;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -51,8 +99,8 @@ std::pair<PlacesOfFace, int> FromLeastPlace(const Mesh& mesh, const Face& face) 
   return {places, first};
 }
 
-// For each corner of `to`'s faces the UV that `from` has there, 6 numbers a face. Faces that are there several times
-// are paired in their order. Throws SURFACES_DIFFER.
+// For each corner of the faces of `to`: the UV of `from` at that corner, 6 numbers a face. Duplicate faces are paired
+// in order. Throws SURFACES_DIFFER.
 std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from) {
   struct Faces {
     std::vector<std::size_t> list;
@@ -95,9 +143,9 @@ std::vector<double> UvOfTheSameFaces(const MeshInput& to, const MeshInput& from)
   return result;
 }
 
-// TO of the command, which must have UV; `use` says what for.
-MeshInput ReadTarget(const Arguments& arguments, const std::string& use) {
-  MeshInput to(arguments.more_inputs, arguments.texcoord);
+// Reads TO, which must have UV; `use` explains in the error why.
+MeshInput ReadTarget(const TransferArguments& arguments, const std::string& use) {
+  MeshInput to({arguments.to}, arguments.texcoord);
   if (to.CornerTexcoords().empty()) {
     throw Error(ErrorCode::kInvalidArgument, "UV_MISSING", to.path() + ": has no UV, and they are " + use);
   }
@@ -105,8 +153,8 @@ MeshInput ReadTarget(const Arguments& arguments, const std::string& use) {
 }
 
 // Prints the warnings and `summary` for people, and `json` with the files and warnings.
-void Say(const Arguments& arguments, const WrittenMesh& written, const std::string& summary, Json json) {
-  if (!arguments.quiet) {
+void Say(const TransferArguments& arguments, const WrittenMesh& written, const std::string& summary, Json json) {
+  if (!arguments.terminal.quiet) {
     for (const OutputWarning& warning : written.warnings) {
       std::cerr << "planish: " + Printable(warning.message, true) + " [" + warning.reason + "]\n";
     }
@@ -122,24 +170,24 @@ void Say(const Arguments& arguments, const WrittenMesh& written, const std::stri
   std::cout << ToText(json) << std::flush;
 }
 
-// Texels that may be missed before a warning says so.
+// Fraction of missed texels above which there is a warning.
 constexpr double kManyMissed = 0.005;
 
-int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
-  const MeshInput from({arguments.input}, 0);
+int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.from}, 0);
   const MeshInput to = ReadTarget(arguments, "where the images go");
   TextureArguments limits = arguments.textures;
-  limits.textures = Textures::kDrop;  // those that TO may have are replaced
+  limits.textures = Textures::kDrop;  // images of TO are replaced
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
-  std::atomic<bool> is_stopped = false;
-  output.textures.stop = &is_stopped;
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
-  if (arguments.options.texture_size != 0) options.size = arguments.options.texture_size;
-  interrupts.SetCancel([&is_stopped] { is_stopped = true; });
-  absl::StatusOr<ProjectedMesh> projected = ProjectSurface(from.file(), to.file(), output, options);
-  interrupts.SetCancel([] {});  // is_stopped goes out of scope
-  if (!projected.ok()) throw ErrorFrom(projected.status());
+  if (arguments.texture_size != 0) options.size = arguments.texture_size;
+  std::optional<ProjectedMesh> projected;
+  DrawImages(arguments.terminal, to.path(), interrupts, {output}, [&](const std::vector<OutputOptions>& watched) {
+    absl::StatusOr<ProjectedMesh> done = ProjectSurface(from.file(), to.file(), watched.front(), options);
+    if (!done.ok()) throw ErrorFrom(done.status());
+    projected = *std::move(done);
+  });
   WriteAll(projected->written.files, interrupts);
   const double missed =
       static_cast<double>(projected->missed) / static_cast<double>(std::max<std::int64_t>(1, projected->texels));
@@ -161,22 +209,18 @@ int ProjectFile(const Arguments& arguments, Interrupts& interrupts, const Timer&
   return kOk;
 }
 
-int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
-  const MeshInput from({arguments.input}, 0);
+int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, const Timer& timer) {
+  const MeshInput from({arguments.from}, 0);
   const MeshInput to = ReadTarget(arguments, "what it is read for");
   const std::vector<OutputOptions> outputs =
       from.Outputs(arguments.output, 0, arguments.output_texcoord, arguments.textures);
   const std::vector<double> numbers = UvOfTheSameFaces(from, to);
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
-  std::vector<OutputOptions> sized =
-      from.WithTextureSize(outputs, arguments.options.texture_size, /*atlas_size=*/1, /*padding=*/1, {});
-  if (arguments.verbose) {
-    sized.front().textures.on_image = [](const std::string& image) {
-      std::cerr << "Moving image " + Printable(image, true) + "\n";
-    };
-  }
-  const WrittenMesh written = from.WithUv(uv, sized);
+  WrittenMesh written;
+  DrawImages(arguments.terminal, from.path(), interrupts,
+             from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {}),
+             [&](const std::vector<OutputOptions>& watched) { written = from.WithUv(uv, watched); });
   WriteAll(written.files, interrupts);
   Say(arguments, written,
       Counted(static_cast<std::int64_t>(from.mesh().faces.size()), "triangle", "triangles") + " of " +
@@ -189,8 +233,14 @@ int TransferFile(const Arguments& arguments, Interrupts& interrupts, const Timer
 
 }  // namespace
 
-int RunTransfer(const Arguments& arguments, Interrupts& interrupts) {
-  return arguments.project ? ProjectFile(arguments, interrupts, Timer()) : TransferFile(arguments, interrupts, Timer());
+int Run(const TransferArguments& arguments, Interrupts& interrupts) {
+  const Timer timer;
+  try {
+    return arguments.project ? ProjectFile(arguments, interrupts, timer) : TransferFile(arguments, interrupts, timer);
+  } catch (const Error& error) {
+    if (!interrupts.interrupted()) throw;
+    return Interrupted(arguments.json, error, timer.Seconds());
+  }
 }
 
 }  // namespace planish::cli

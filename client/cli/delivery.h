@@ -1,0 +1,64 @@
+// Shared by unwrap and jobs watch: reads the files of a job, writes its result into them, and reports errors with the
+// ids of the files.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/cli/arguments.h"
+#include "client/cli/progress_view.h"
+#include "client/cli/unwrap_files.h"
+#include "core/base/timer.h"
+#include "planish/client.h"
+
+namespace planish::cli {
+
+class Interrupts;
+
+struct DeliveryArguments {
+  int texcoord = 0;  // glTF: UV are read from TEXCOORD_n, in [0, 7]
+  OutputArguments output;
+  ServerArguments server;
+  double timeout_seconds = 0;  // 0: none
+  TerminalArguments terminal;
+  bool json = false;
+};
+
+class Delivery {
+ public:
+  // The clock starts. `arguments` must outlive this object.
+  explicit Delivery(const DeliveryArguments& arguments) : arguments_(arguments) {}
+
+  // Reads the files, which become one mesh (UnwrapFiles).
+  void Load(const std::vector<std::string>& inputs, const MapArguments& map);
+
+  const UnwrapFiles& files() const { return *files_; }
+  // How long it took to start the private server.
+  void SetStart(double seconds) { start_seconds_ = seconds; }
+  // The rest of --timeout for the server; 0: no limit.
+  Seconds TimeLeft() const;
+
+  // Writes the output files, all or none, shows the images that are drawn in `view`, and ends it. Writes the preview,
+  // calls `draw`, for other pictures, and stops the clock. The first signal stops the drawing of images; then nothing
+  // is written.
+  void Write(UnwrapResult& result, Interrupts& interrupts, ProgressView& view, const std::function<void()>& draw = {});
+  // Prints the summary and the JSON report, and returns the exit code.
+  int Tell(const UnwrapResult& result) const;
+
+  // Each prints the error, and returns the exit code.
+  int Fail(const Error& sent_error) const;
+  int Interrupted(const std::string& what_happened, const Error& error) const;
+
+ private:
+  const DeliveryArguments& arguments_;
+  Timer timer_;
+  double start_seconds_ = 0;
+  std::optional<UnwrapFiles> files_;
+};
+
+// Ends a view of one job.
+void End(ProgressView& view, bool succeeded);
+
+}  // namespace planish::cli

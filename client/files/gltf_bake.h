@@ -1,0 +1,50 @@
+// What resampling a texture of a glTF needs to know of its primitives. Used only in client/files.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "client/files/gltf_material.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/mesh_output.h"
+#include "client/files/texture_files.h"
+
+namespace planish {
+
+// A glTF and its new map.
+struct GltfOutput {
+  const GltfMesh& gltf;
+  const OutputOptions& options;
+  const std::vector<double>& uv;  // per corner of the triangles, v downwards
+  // The same for tangents of the new map; empty: none are needed.
+  const std::vector<std::array<float, 4>>& tangents;
+};
+
+// How `use` reads the image: sampler and meaning, without triangles.
+TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, std::int64_t image);
+
+// Appends the triangles of a primitive in both maps, with the frames of directions. `use` null: no image, all UV of the
+// old map are 0. INVALID_ARGUMENT: OPTIONS_INVALID if the primitive lies in several tiles.
+absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t primitive, const GltfTextureUse* use,
+                              TextureBake* bake);
+
+// Checks that these textures of a material can be resampled: no animation moves them, and the headers of their images
+// can be read. Images in `seen` were checked before.
+absl::Status CheckGltfTextures(const GltfMesh& gltf, const OutputOptions& options, std::int64_t material,
+                               const std::vector<GltfTextureUse>& uses, std::set<std::int64_t>* seen);
+
+// The image files that the glTF refers to, and the glTF itself: new files must not overwrite them.
+std::vector<std::string> FilesOfGltf(const GltfMesh& gltf);
+
+// Whether a texture has directions in tangent space.
+bool IsDirection(const GltfTextureUse& use);
+// A whole number of the object; `otherwise` if there is none.
+std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise);
+// Removes an extension from the document's lists if nothing uses it any more.
+void ForgetExtension(Json* root, const char* name);
+
+}  // namespace planish

@@ -1,0 +1,16 @@
+// Fewer draw calls. Used only in client/files.
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "client/files/gltf_document.h"
+
+namespace planish {
+
+// Joins primitives of a mesh that have the same material and attributes and morph targets of the same kinds. Vertices
+// keep all data. Strips, fans, points, lines, and primitives with extensions stay. `buffer` holds the bytes of the only
+// buffer of `json`; both are replaced. `path` is for messages.
+absl::Status JoinPrimitives(const std::string& path, Json* json, std::string* buffer);
+
+}  // namespace planish

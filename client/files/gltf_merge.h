@@ -1,0 +1,75 @@
+// Draws several materials of a glTF, and the colours of its vertices, into one set of images. Used only in
+// client/files.
+//
+// With TextureOptions::merge_materials, materials of one atlas become one if they differ in nothing but images, factors
+// and names: they have the same alpha mode and cutoff, sides and extensions. Each image of the new material is drawn
+// from the old ones and from constants. A factor that all of them have stays a factor; others are painted in. Materials
+// that are animated or belong to variants are left alone.
+//
+// With TextureOptions::bake_colors, COLOR_0 is painted into the base colours of its material, and removed.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/files/gltf_bake.h"
+#include "client/files/gltf_merge_plan.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/gltf_patch.h"
+#include "client/files/mesh_output.h"
+#include "client/files/texture_files.h"
+
+namespace planish {
+
+class GltfMerge {
+ public:
+  // Finds the materials. `gltf` and `options` outlive the object.
+  GltfMerge(const GltfMesh& gltf, const OutputOptions& options);
+
+  bool empty() const { return groups_.empty(); }
+  // Whether the primitive (of GltfMesh::primitives) gets a material from here.
+  bool Has(std::size_t primitive) const { return group_of_[primitive].has_value(); }
+  // Whether its COLOR_0 is painted into an image, and must go.
+  bool BakesColors(std::size_t primitive) const { return bakes_colors_[primitive]; }
+  bool NeedsTangents(std::size_t primitive) const { return needs_tangents_[primitive]; }
+  // Checks, before there is a map, that every image can be read and resampled.
+  absl::Status Check() const;
+
+  // EstimateTextureSide() (mesh_output.h).
+  absl::StatusOr<double> EstimateSide(double total_area) const;
+
+  // The number of images that Write() draws.
+  std::size_t num_images() const;
+  // Draws the images and edits the document. Appends image files and warnings to `written`. `drawn`: images that were
+  // drawn before, for TextureOptions::on_image.
+  absl::Status Write(const GltfOutput& output, std::size_t drawn, TextureFileNames* names, GltfPatch* patch,
+                     WrittenMesh* written) const;
+
+ private:
+  void FindGroups();
+  bool CanBakeColors(std::size_t primitive);
+  absl::StatusOr<std::string> Draw(const GltfOutput& output, const MergedGroup& group, const PlannedImage& image,
+                                   std::vector<OutputWarning>* warnings) const;
+  absl::StatusOr<bool> NeedsAlpha(const MergedGroup& group, const PlannedImage& image) const;
+  std::int64_t AddTexture(const PlannedImage& image, std::string bytes, TextureFileNames* names, GltfPatch* patch,
+                          WrittenMesh* written) const;
+  std::vector<OutputWarning> Warnings() const;
+
+  const GltfMesh& gltf_;
+  const OutputOptions& options_;
+  const Json& root_;
+  std::vector<MergedGroup> groups_;
+  std::vector<std::optional<std::size_t>> group_of_;  // per primitive of triangles; so are the next two
+  std::vector<bool> bakes_colors_;
+  std::vector<bool> needs_tangents_;
+  std::set<std::int64_t> left_alone_;        // materials
+  std::set<std::string> unpainted_because_;  // why colours of vertices are not painted
+};
+
+}  // namespace planish
