@@ -132,37 +132,95 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
   CollectFaces();
 }
 
-std::optional<Segmentation> Segmentation::Mirrored(const Surface& surface, const Segmentation& half,
-                                                   const Mirror& mirror) {
-  std::optional<Segmentation> whole(Segmentation(surface, half.tuning_));
+Segmentation Segmentation::Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror) {
+  Segmentation whole(surface, half.tuning_);
   const TriMesh &mesh = *surface.mesh, &half_mesh = *half.surface_.mesh;
-  whole->kept_.assign(mesh.n_vertices(), 0.0F);
+  whole.kept_.assign(mesh.n_vertices(), 0.0F);
   const auto count = static_cast<std::int32_t>(half.faces_.size());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
-    if (half.chart_[f] < 0) continue;
-    whole->chart_[f] = half.chart_[f];
-    if (mirror.has_image(f)) whole->chart_[mirror.corner[3 * f] / 3] = count + half.chart_[f];
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      const HalfedgeHandle h = HalfEdgeOf(half_mesh, c);
-      const float kept = half.kept_[half_mesh.to_vertex_handle(h).idx()];
-      whole->kept_[mesh.to_vertex_handle(HalfEdgeOf(mesh, c)).idx()] = kept;
-      if (mirror.has_image(f)) {
-        whole->kept_[mesh.from_vertex_handle(HalfEdgeOf(mesh, mirror.corner[c])).idx()] = kept;
+    if (!surface.takes_part[f]) continue;
+    const bool is_second = mirror.side[f] == Mirror::Side::kSecond;
+    const std::int32_t like = is_second ? mirror.face[f] : f;
+    whole.chart_[f] = like < 0 || half.chart_[like] < 0 ? 2 * count : half.chart_[like] + (is_second ? count : 0);
+  }
+  const auto glue = [&](std::int32_t c, std::int32_t across) {
+    if (c < 0 || across < 0 || whole.chart_[c / 3] != whole.chart_[across / 3] || whole.chart_[c / 3] < 0) return;
+    if (CornerAcross(mesh, c) == across) whole.gluing_.Glue(HalfEdgeOf(mesh, c));
+  };
+  for (std::int32_t c = 0; c < 3 * surface.num_faces(); ++c) {
+    if (mirror.side[c / 3] == Mirror::Side::kSecond) {
+      const std::int32_t across = CornerAcross(mesh, c);
+      if (across >= 0 && mirror.polygon[across / 3] == mirror.polygon[c / 3]) glue(c, across);
+      continue;
+    }
+    if (half.chart_[c / 3] < 0) continue;
+    const HalfedgeHandle h = HalfEdgeOf(half_mesh, c);
+    const float kept = half.kept_[half_mesh.to_vertex_handle(h).idx()];
+    whole.kept_[mesh.to_vertex_handle(HalfEdgeOf(mesh, c)).idx()] = kept;
+    const std::int32_t image = mirror.corner[c];
+    if (image >= 0) whole.kept_[mesh.from_vertex_handle(HalfEdgeOf(mesh, image)).idx()] = kept;
+    if (half.gluing_.IsOutline(h)) continue;
+    const std::int32_t across = CornerAcross(half_mesh, c);
+    glue(c, across);
+    if (mirror.side[c / 3] == Mirror::Side::kFirst) glue(image, mirror.corner[across]);
+  }
+  whole.faces_.resize(2 * count + 1);
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (whole.chart_[f] >= 0) whole.faces_[whole.chart_[f]].push_back(f);
+  }
+  whole.MakeDiscs();
+  return whole;
+}
+
+// Repairs charts that are not discs: each connected piece becomes a disc, and the largest keeps the number.
+void Segmentation::MakeDiscs() {
+  PrepareScratch();
+  const TriMesh& mesh = *surface_.mesh;
+  const auto connected = [&](std::int32_t start, const auto& leads_on) {
+    std::vector<std::int32_t> faces = {start};
+    scratch_.is_glued[start] = 1;
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(faces[i]))) {
+        const std::int32_t g = surface_.face_across(h);
+        if (g < 0 || chart_[g] != chart_[start] || scratch_.is_glued[g] != 0 || !leads_on(h)) continue;
+        scratch_.is_glued[g] = 1;
+        faces.push_back(g);
       }
-      if (half.gluing_.IsOutline(h)) continue;
-      const std::int32_t across = CornerAcross(half_mesh, c);
-      if (CornerAcross(mesh, c) != across) return std::nullopt;
-      whole->gluing_.Glue(HalfEdgeOf(mesh, c));
-      if (!mirror.has_image(f)) continue;
-      if (CornerAcross(mesh, mirror.corner[c]) != mirror.corner[across]) return std::nullopt;
-      whole->gluing_.Glue(HalfEdgeOf(mesh, mirror.corner[c]));
+    }
+    return faces;
+  };
+  const auto forget = [&](const std::vector<std::int32_t>& faces) {
+    for (const std::int32_t f : faces) scratch_.is_glued[f] = 0;
+  };
+  const auto count = static_cast<std::int32_t>(faces_.size());
+  for (std::int32_t i = 0; i < count; ++i) {
+    const std::vector<std::int32_t> faces = faces_[i];
+    if (faces.empty()) continue;
+    const std::vector<std::int32_t> first =
+        connected(faces.front(), [&](HalfedgeHandle h) { return !gluing_.IsOutline(h); });
+    forget(first);
+    if (first.size() == faces.size() && IsDisc(faces, &scratch_.is_seen)) continue;
+    for (const std::int32_t f : faces) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) gluing_.Unglue(h);
+    }
+    std::vector<std::vector<std::int32_t>> pieces;
+    std::size_t largest = 0;
+    for (const std::int32_t f : faces) {
+      if (scratch_.is_glued[f] != 0) continue;
+      pieces.push_back(connected(f, [](HalfedgeHandle) { return true; }));
+      if (pieces.back().size() > pieces[largest].size()) largest = pieces.size() - 1;
+    }
+    forget(faces);
+    for (std::size_t k = 0; k < pieces.size(); ++k) {
+      const auto number = k == largest ? i : static_cast<std::int32_t>(faces_.size());
+      std::sort(pieces[k].begin(), pieces[k].end());
+      for (const std::int32_t f : pieces[k]) chart_[f] = number;
+      GluePiece(pieces[k].front(), chart_, &scratch_.is_glued, &gluing_);
+      forget(pieces[k]);
+      if (k != largest) faces_.emplace_back();
+      faces_[number] = std::move(pieces[k]);
     }
   }
-  whole->faces_.resize(2 * count);
-  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
-    if (whole->chart_[f] >= 0) whole->faces_[whole->chart_[f]].push_back(f);
-  }
-  return whole;
 }
 
 void Segmentation::CollectFaces() {

@@ -30,10 +30,11 @@ class Segmentation {
   // glued is glued, and charts are merged across new pairs of half-edges.
   Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
 
-  // The charts of `half`, which leaves out the faces that are second in `mirror`, and their mirror images. `surface`
-  // has the same faces. Chart n + i, of n, is the image of chart i, and empty if faces of that have none; no chart of
-  // `half` may have faces of both kinds. Nothing where the surface is not joined alike on both sides.
-  static std::optional<Segmentation> Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
+  // The charts of `half`, which leaves out the second side of `mirror`, and their mirror images. `surface` has the same
+  // faces. Chart n + i, of n, is the image of chart i, and empty where that lies across the plane. Further charts are
+  // what lies apart from these images. `half` must have `mirror.polygon`, and no chart of faces from the first side and
+  // from across the plane.
+  static Segmentation Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
   const Gluing& gluing() const { return gluing_; }
   // Per face: its chart; -1 for faces that take no part.
@@ -97,6 +98,7 @@ class Segmentation {
       : surface_(surface), tuning_(tuning), gluing_(surface), chart_(surface.num_faces(), -1) {}
   void CollectFaces();
   void PrepareScratch();
+  void MakeDiscs();
   bool HandOver(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
                 std::span<const HalfedgeHandle> to);
   bool Recut(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,

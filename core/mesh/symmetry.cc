@@ -12,8 +12,9 @@
 namespace planish {
 namespace {
 
-constexpr double kTolerance = 1e-3;   // of the diagonal
-constexpr double kLeastShare = 0.99;  // of the area
+constexpr double kTolerance = 1e-3;  // of the diagonal
+constexpr double kLeastShare = 0.9;  // of the area
+constexpr double kLeastFound = 0.6;  // of some vertices, before more is tried
 
 // The vertices of a mesh in a grid of cells.
 class Cells {
@@ -66,6 +67,220 @@ class Cells {
   std::vector<std::int32_t> next_;
 };
 
+// Finds the images of faces for one plane.
+class Matching {
+ public:
+  template <class Image>
+  Matching(const Mesh& mesh, const std::vector<std::int32_t>& polygon, const std::vector<double>& area,
+           const Cells& cells, const Image& image)
+      : mesh_(mesh), area_(area), num_faces_(static_cast<std::int32_t>(mesh.faces.size())) {
+    for (const Vec3& p : mesh.positions) {
+      same_.push_back(cells.Nearest(p));
+      image_.push_back(cells.Nearest(image(p)));
+      image_position_.push_back(image(p));
+    }
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
+      by_edge_.try_emplace(KeyOf(same_[From(c)], same_[To(c)]), c);
+    }
+    mirror_.polygon = polygon;
+    for (std::int32_t f = 0; polygon.empty() && f < num_faces_; ++f) mirror_.polygon.push_back(f);
+  }
+
+  Mirror Run(int axis, double place) {
+    MatchEdges();
+    MatchPolygons();
+    MatchPairs();
+    TellSides(axis, place);
+    double matched = 0, total = 0;
+    for (std::int32_t f = 0; f < num_faces_; ++f) {
+      total += area_[f];
+      if (image_of_[polygon(f)] >= 0) matched += area_[f];
+    }
+    mirror_.share = matched / total;
+    if (mirror_.share >= kLeastShare) {
+      for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
+        if (image_of_[polygon(c / 3)] < 0) mirror_.corner[c] = -1;
+      }
+      FindFaces();
+    }
+    return std::move(mirror_);
+  }
+
+ private:
+  std::int32_t From(std::int32_t c) const { return mesh_.faces[c / 3][Next(c % 3)]; }
+  std::int32_t To(std::int32_t c) const { return mesh_.faces[c / 3][Prev(c % 3)]; }
+  std::int32_t polygon(std::int32_t f) const { return mirror_.polygon[f]; }
+  static std::uint64_t KeyOf(std::int32_t v, std::int32_t w) {
+    return (static_cast<std::uint64_t>(v) << 32) | static_cast<std::uint32_t>(w);
+  }
+  // The corner that faces the half-edge from v to w, or -1.
+  std::int32_t Facing(std::int32_t v, std::int32_t w) const {
+    const auto it = v < 0 || w < 0 ? by_edge_.end() : by_edge_.find(KeyOf(v, w));
+    return it == by_edge_.end() ? -1 : it->second;
+  }
+  std::int32_t Opposite(std::int32_t c) const { return Facing(same_[To(c)], same_[From(c)]); }
+  bool IsInner(std::int32_t c) const {
+    const std::int32_t across = Opposite(c);
+    return across >= 0 && polygon(across / 3) == polygon(c / 3);
+  }
+
+  void MatchEdges() {
+    std::vector<std::int32_t>& corner = mirror_.corner;
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) corner.push_back(Facing(image_[To(c)], image_[From(c)]));
+    const std::vector<std::int32_t> found = corner;
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
+      if (found[c] >= 0 && found[found[c]] != c) corner[c] = -1;
+    }
+  }
+
+  // Two polygons match if the outer edges of each are the images of the outer edges of the other.
+  void MatchPolygons() {
+    constexpr std::int32_t kNone = -1, kUnknown = -2;
+    image_of_.assign(num_faces_, kUnknown);
+    std::vector<std::int32_t> outer(num_faces_, 0);
+    size_.assign(num_faces_, 0);
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
+      const std::int32_t p = polygon(c / 3);
+      if (c % 3 == 0) ++size_[p];
+      if (IsInner(c)) continue;
+      ++outer[p];
+      const std::int32_t q = mirror_.corner[c] < 0 ? kNone : polygon(mirror_.corner[c] / 3);
+      image_of_[p] = image_of_[p] == kUnknown || image_of_[p] == q ? q : kNone;
+    }
+    const std::vector<std::int32_t> found = image_of_;
+    for (std::int32_t p = 0; p < num_faces_; ++p) {
+      const std::int32_t q = found[p];
+      if (q < 0 || found[q] != p || outer[q] != outer[p]) image_of_[p] = kNone;
+    }
+  }
+
+  // Whether this face is a polygon of its own, without an image.
+  bool IsAlone(std::int32_t f) const { return size_[polygon(f)] == 1 && image_of_[polygon(f)] < 0; }
+
+  // Two triangles whose image is two other ones, divided along the other diagonal.
+  void MatchPairs() {
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
+      const std::int32_t across = Opposite(c);
+      if (across < 0 || across / 3 == c / 3 || !IsAlone(c / 3) || !IsAlone(across / 3)) continue;
+      const std::array<std::int32_t, 2> faces = {c / 3, across / 3};
+      std::array<std::int32_t, 2> images = {-1, -1}, hits = {0, 0};
+      for (const std::int32_t d : {c, across}) {
+        for (const int k : {Next(d % 3), Prev(d % 3)}) {
+          const std::int32_t image = mirror_.corner[3 * (d / 3) + k];
+          for (int i = 0; image >= 0 && i < 2; ++i) {
+            if (images[i] < 0) images[i] = image / 3;
+            if (images[i] != image / 3) continue;
+            ++hits[i];
+            break;
+          }
+        }
+      }
+      if (hits[0] != 2 || hits[1] != 2 || !IsAlone(images[0]) || !IsAlone(images[1])) continue;
+      const bool is_same = std::is_permutation(faces.begin(), faces.end(), images.begin());
+      const auto has = [&](std::int32_t f) { return f == faces[0] || f == faces[1]; };
+      if (!is_same && (has(images[0]) || has(images[1]))) continue;
+      const std::int32_t p = polygon(faces[0]), q = is_same ? p : polygon(images[0]);
+      for (const std::array<std::int32_t, 2>& pair : {faces, images}) {
+        for (const std::int32_t f : pair) {
+          for (int k = 0; k < 3; ++k) {
+            const std::int32_t other = Opposite(3 * f + k);
+            if (other >= 0 && other / 3 != f && (other / 3 == pair[0] || other / 3 == pair[1])) {
+              mirror_.corner[3 * f + k] = -1;
+            }
+          }
+        }
+      }
+      mirror_.polygon[faces[1]] = p;
+      mirror_.polygon[images[0]] = mirror_.polygon[images[1]] = q;
+      if (is_same) mirror_.polygon[faces[0]] = mirror_.polygon[faces[1]] = p;
+      size_[p] = size_[q] = 2;
+      image_of_[p] = q;
+      image_of_[q] = p;
+    }
+  }
+
+  // The first face of a polygon decides for all of them.
+  void TellSides(int axis, double place) {
+    using Side = Mirror::Side;
+    std::vector<Side> side(num_faces_, Side::kAcross);  // per polygon
+    std::vector<char> is_known(num_faces_, 0);
+    for (std::int32_t f = 0; f < num_faces_; ++f) {
+      const std::int32_t p = polygon(f), q = image_of_[p];
+      if (std::exchange(is_known[p], 1) == 0 && q != p) {
+        const auto [a, b, c] = TriangleOf(mesh_.positions, mesh_.faces[f]);
+        const bool is_second = (a[axis] + b[axis] + c[axis]) / 3 > place;
+        side[p] = is_second ? Side::kSecond : Side::kFirst;
+        if (q >= 0) {
+          side[q] = is_second ? Side::kFirst : Side::kSecond;
+          is_known[q] = 1;
+        }
+      }
+      mirror_.side.push_back(side[p]);
+    }
+  }
+
+  Vec3 Centre(std::int32_t f, const std::vector<Vec3>& positions) const {
+    const auto [a, b, c] = TriangleOf(positions, mesh_.faces[f]);
+    return (a + b + c) / 3;
+  }
+
+  void FindFaces() {
+    using Side = Mirror::Side;
+    std::vector<std::int32_t> first(num_faces_, -1);  // of each polygon
+    for (std::int32_t f = num_faces_; f-- > 0;) first[polygon(f)] = f;
+    for (std::int32_t f = 0; f < num_faces_; ++f) {
+      const std::int32_t q = image_of_[polygon(f)];
+      mirror_.face.push_back(q < 0 ? -1 : first[q]);
+    }
+    std::vector<std::pair<std::int32_t, std::int32_t>> corners;  // the corners at each vertex
+    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) corners.emplace_back(same_[mesh_.faces[c / 3][c % 3]], c);
+    std::sort(corners.begin(), corners.end());
+    const auto is_lost = [&](std::int32_t f) { return mirror_.side[f] == Side::kSecond && mirror_.face[f] < 0; };
+    std::vector<std::int32_t> queue;
+    for (std::int32_t f = 0; f < num_faces_; ++f) {
+      if (mirror_.side[f] != Side::kSecond || image_of_[polygon(f)] >= 0) continue;
+      const Vec3 centre = Centre(f, image_position_);
+      double least = std::numeric_limits<double>::infinity();
+      for (const std::int32_t v : mesh_.faces[f]) {
+        if (image_[v] < 0) continue;
+        auto it = std::lower_bound(corners.begin(), corners.end(), std::pair(image_[v], 0));
+        for (; it != corners.end() && it->first == image_[v]; ++it) {
+          const std::int32_t g = it->second / 3;
+          const double distance = (Centre(g, mesh_.positions) - centre).squaredNorm();
+          if (mirror_.side[g] != Side::kFirst || !(distance < least)) continue;
+          least = distance;
+          mirror_.face[f] = g;
+        }
+      }
+    }
+    // Faces without such vertices follow their neighbours.
+    for (std::int32_t f = 0; f < num_faces_; ++f) {
+      if (mirror_.side[f] == Side::kSecond && mirror_.face[f] >= 0) queue.push_back(f);
+    }
+    for (std::size_t i = 0; i < queue.size(); ++i) {
+      for (int k = 0; k < 3; ++k) {
+        const std::int32_t across = Opposite(3 * queue[i] + k);
+        if (across < 0 || !is_lost(across / 3)) continue;
+        mirror_.face[across / 3] = mirror_.face[queue[i]];
+        queue.push_back(across / 3);
+      }
+    }
+    // A polygon goes as a whole.
+    for (std::int32_t f = 0; f < num_faces_; ++f) mirror_.face[f] = mirror_.face[first[polygon(f)]];
+  }
+
+  const Mesh& mesh_;
+  const std::vector<double>& area_;
+  const std::int32_t num_faces_;
+  // Per vertex: the lowest in the same place, and the one where its image is, or -1; its image.
+  std::vector<std::int32_t> same_, image_;
+  std::vector<Vec3> image_position_;
+  std::unordered_map<std::uint64_t, std::int32_t> by_edge_;  // corners, by the half-edge that they face
+  // Per polygon: its image or -1; its number of faces.
+  std::vector<std::int32_t> image_of_, size_;
+  Mirror mirror_;
+};
+
 class Finder {
  public:
   Finder(const Mesh& mesh, const std::vector<std::int32_t>& polygon) : mesh_(mesh), polygon_(polygon) {}
@@ -99,16 +314,13 @@ class Finder {
     const Cells cells(mesh_, reach_);
     const Vec3 middle = (low + high) / 2;
     std::optional<Mirror> best;
-    double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
       for (const double place : {middle[axis], centre[axis]}) {
         if (execution.IsCancelled()) return std::nullopt;
         if (place == centre[axis] && std::abs(middle[axis] - place) < reach_ / 4 && place != middle[axis]) continue;
         if (!IsLikely(cells, axis, place)) continue;
-        double share = 0;
-        Mirror mirror = Across(cells, axis, place, &share);
-        if (share < kLeastShare || share <= most) continue;
-        most = share;
+        Mirror mirror = Across(cells, axis, place);
+        if (mirror.share < kLeastShare || (best && mirror.share <= best->share)) continue;
         best = std::move(mirror);
       }
     }
@@ -129,82 +341,12 @@ class Finder {
     for (std::size_t v = 0; v < mesh_.positions.size(); v += stride, ++count) {
       hits += cells.Nearest(Image(mesh_.positions[v], axis, place)) >= 0 ? 1 : 0;
     }
-    return static_cast<double>(hits) >= kLeastShare * static_cast<double>(count);
+    return static_cast<double>(hits) >= kLeastFound * static_cast<double>(count);
   }
 
-  Mirror Across(const Cells& cells, int axis, double place, double* share) const {
-    const auto num_faces = static_cast<std::int32_t>(mesh_.faces.size());
-    std::vector<std::int32_t> image(mesh_.positions.size(), -1);
-    for (std::size_t v = 0; v < image.size(); ++v) image[v] = cells.Nearest(Image(mesh_.positions[v], axis, place));
-    std::unordered_map<std::uint64_t, std::int32_t> by_edge;  // corners, by the directed edge that they face
-    const auto key = [&](std::int32_t v, std::int32_t w) {
-      return (static_cast<std::uint64_t>(v) << 32) | static_cast<std::uint32_t>(w);
-    };
-    for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
-      const Face& face = mesh_.faces[c / 3];
-      by_edge.try_emplace(key(face[Next(c % 3)], face[Prev(c % 3)]), c);
-    }
-    Mirror mirror;
-    mirror.corner.assign(3 * mesh_.faces.size(), -1);
-    mirror.is_second.assign(mesh_.faces.size(), 0);
-    for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
-      const Face& face = mesh_.faces[c / 3];
-      const std::int32_t a = image[face[c % 3]], b = image[face[Next(c % 3)]], d = image[face[Prev(c % 3)]];
-      if (a < 0 || b < 0 || d < 0) continue;
-      const auto it = by_edge.find(key(d, b));
-      if (it == by_edge.end() || it->second / 3 == c / 3) continue;
-      if (mesh_.faces[it->second / 3][it->second % 3] == a) mirror.corner[c] = it->second;
-    }
-    const auto drop = [&](std::int32_t f) {
-      for (int k = 0; k < 3; ++k) mirror.corner[3 * f + k] = -1;
-    };
-    // Removes images that are not mutual, and images of a polygon that lie in several polygons or in the polygon
-    // itself.
-    std::vector<char> is_wrong(mesh_.faces.size(), 0);
-    std::vector<std::int32_t> polygon_image(mesh_.faces.size(), -1);
-    for (bool goes_on = true; goes_on;) {
-      goes_on = false;
-      std::vector<char> polygon_is_wrong(mesh_.faces.size(), 0);
-      std::fill(polygon_image.begin(), polygon_image.end(), -1);
-      for (std::int32_t f = 0; f < num_faces; ++f) {
-        const std::int32_t p = polygon_.empty() ? f : polygon_[f];
-        bool is_right = true;
-        for (int k = 0; k < 3; ++k) {
-          const std::int32_t c = mirror.corner[3 * f + k];
-          is_right = is_right && c >= 0 && c / 3 == mirror.corner[3 * f] / 3 && mirror.corner[c] == 3 * f + k;
-        }
-        if (is_right && !polygon_.empty()) {
-          const std::int32_t q = polygon_[mirror.corner[3 * f] / 3];
-          is_right = q != p && (polygon_image[p] < 0 || polygon_image[p] == q);
-          polygon_image[p] = q;
-        }
-        if (!is_right) polygon_is_wrong[p] = 1;
-      }
-      for (std::int32_t f = 0; f < num_faces; ++f) {
-        if (!polygon_is_wrong[polygon_.empty() ? f : polygon_[f]] || is_wrong[f]) continue;
-        is_wrong[f] = 1;
-        drop(f);
-        goes_on = true;
-      }
-    }
-    double matched = 0;
-    std::vector<char> is_decided(mesh_.faces.size(), 0);  // per polygon
-    for (std::int32_t f = 0; f < num_faces; ++f) {
-      if (!mirror.has_image(f)) continue;
-      matched += area_[f];
-      const std::int32_t g = mirror.corner[3 * f] / 3;
-      const std::int32_t p = polygon_.empty() ? f : polygon_[f], q = polygon_.empty() ? g : polygon_[g];
-      // The first triangle of a polygon decides for all of its triangles.
-      if (is_decided[p] == 0) {
-        const auto [a, b, c] = TriangleOf(mesh_.positions, mesh_.faces[f]);
-        const double side = (a[axis] + b[axis] + c[axis]) / 3 - place;
-        is_decided[p] = side > 0 ? 2 : 1;
-        is_decided[q] = side > 0 ? 1 : 2;
-      }
-      mirror.is_second[f] = is_decided[p] == 2;
-    }
-    *share = matched / total_;
-    return mirror;
+  Mirror Across(const Cells& cells, int axis, double place) const {
+    return Matching(mesh_, polygon_, area_, cells, [&](const Vec3& p) { return Image(p, axis, place); })
+        .Run(axis, place);
   }
 
   const Mesh& mesh_;

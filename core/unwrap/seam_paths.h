@@ -16,6 +16,7 @@ namespace planish {
 struct SeamPath {
   std::vector<HalfedgeHandle> half_edges;
   bool is_loop = false;  // meets no other seam and no boundary
+  bool slides = true;    // both ends may be moved along other seams
 };
 
 // Every edge between two charts, or of a slit, is in one path. By the lowest edge of each.

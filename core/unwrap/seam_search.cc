@@ -1,6 +1,7 @@
 // Fewer, shorter and better hidden seams: charts are glued and seams are moved as long as that lowers the cost of all
 // seams (core/charts/seam_cost.h), by estimates of maps.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -38,7 +39,8 @@ class SeamSearch {
     for (std::int32_t i = 0; i < count(); ++i) Measure(i);
   }
 
-  absl::Status Run() {
+  // Returns what all seams and charts cost then.
+  absl::StatusOr<double> Run() {
     for (std::int32_t i = 0; i < count() && GoesOn(); ++i) {
       if (!segmentation_.charts()[i].empty() && !estimates_.has(i)) estimates_.Update(i);
     }
@@ -47,14 +49,19 @@ class SeamSearch {
     move_left_ = tuning_.move_estimates * faces;
     all_left_ = glue_left_ + move_left_;
     for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
-      const double gain = Glue() + (charts_.image.empty() ? Move() : 0);
+      const double gain = Glue() + Move();
       if (!(gain > kGoesOn)) break;
     }
     if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
     charts_.image.clear();
+    charts_.mirror.reset();
     estimates_.DropEmpty();
     segmentation_.DropEmpty();
-    return absl::OkStatus();
+    for (std::int32_t i = 0; i < count(); ++i) Measure(i);
+    double cost = 0;
+    for (std::int32_t i = 0; i < count() && estimates_.has(i); ++i) cost += CostOf(i);
+    for (const SeamPath& path : SeamPaths(segmentation_)) cost += cost_.OfPath(path.half_edges);
+    return cost;
   }
 
  private:
@@ -81,12 +88,19 @@ class SeamSearch {
     return charts_.ReductionOf(segmentation_.charts()[i]) == 1 && !IsToSplit(job_, charts_, i, estimates_.of(i));
   }
 
+  // Whether gluing these two charts is what gluing the images of two of lower numbers does.
+  bool IsImage(std::int32_t i, std::int32_t j) const {
+    const std::int32_t i_image = ImageOf(i), j_image = ImageOf(j);
+    return i_image >= 0 && j_image >= 0 && std::minmax(i_image, j_image) < std::minmax(i, j);
+  }
+
   // Queues the borders of a chart; unless `all`, those with charts of higher numbers.
   void Push(std::int32_t i, bool all) {
     std::vector<HalfedgeHandle> outline = segmentation_.Outline(i);
     const std::size_t edges = outline.size();
     for (const auto& [border, other] : BordersAlong(segmentation_.gluing(), segmentation_.chart(), &outline)) {
       if (!all && other < i) continue;
+      if (IsImage(i, other)) continue;
       if (edges + estimates_.of(other).outline.size() < 2 * border.size() + 3) continue;
       const double most = (ImageOf(i) >= 0 ? 2 : 1) * (cost_.OfPath(border) + tuning_.chart_price);
       if (HasFailed({border.front().idx(), border.size()}, i, other)) continue;
@@ -94,81 +108,140 @@ class SeamSearch {
     }
   }
 
-  // A pair of charts that has been glued.
-  struct Step {
-    Segmentation::Joined joined;
-    ChartEstimates::Before before;
-    double area, other_area;
+  // Charts that are glued together, and their state before.
+  struct Glued {
+    std::vector<Segmentation::Joined> joined;
+    std::vector<std::array<double, 2>> areas;
+    std::vector<std::pair<std::int32_t, ChartEstimates::Before>> estimates;
   };
 
-  bool Apply(const Segmentation::Joint& joint, std::vector<Step>* steps) {
+  bool Join(const Segmentation::Joint& joint, Glued* glued) {
     std::optional<Segmentation::Joined> joined = segmentation_.Join(joint);
     if (!joined) return false;
     const std::int32_t i = joint.chart, j = joint.other;
-    glue_left_ -= static_cast<double>(segmentation_.charts()[i].size());
-    steps->push_back({*std::move(joined), estimates_.Replace(i), area_[i], area_[j]});
+    glued->joined.push_back(*std::move(joined));
+    glued->areas.push_back({area_[i], area_[j]});
     area_[i] += std::exchange(area_[j], 0.0);
-    return IsSound(i);
+    return true;
   }
 
-  void Undo(std::vector<Step>* steps) {
-    for (; !steps->empty(); steps->pop_back()) {
-      Step& step = steps->back();
-      const std::int32_t i = step.joined.chart;
-      area_[i] = step.area;
-      area_[step.joined.other] = step.other_area;
-      segmentation_.UndoJoin(step.joined);
-      estimates_.Restore(i, std::move(step.before));
+  // The cost of the chart now; nothing if its map is not sound.
+  std::optional<double> Estimate(std::int32_t i, Glued* glued) {
+    glue_left_ -= static_cast<double>(segmentation_.charts()[i].size());
+    glued->estimates.emplace_back(i, estimates_.Replace(i));
+    return IsSound(i) ? std::optional(CostOf(i)) : std::nullopt;
+  }
+
+  void Undo(Glued* glued) {
+    for (std::size_t k = glued->joined.size(); k-- > 0;) {
+      const Segmentation::Joined& joined = glued->joined[k];
+      area_[joined.chart] = glued->areas[k][0];
+      area_[joined.other] = glued->areas[k][1];
+      segmentation_.UndoJoin(joined);
+    }
+    for (std::size_t k = glued->estimates.size(); k-- > 0;) {
+      estimates_.Restore(glued->estimates[k].first, std::move(glued->estimates[k].second));
     }
   }
 
   std::int32_t ImageOf(std::int32_t i) const { return charts_.image.empty() ? -1 : charts_.image[i]; }
 
-  // The dearest border of two charts, as it is now.
-  std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j) const {
-    std::vector<HalfedgeHandle> outline = segmentation_.Outline(i);
-    std::optional<Segmentation::Joint> dearest;
-    double most = 0;
-    for (const auto& [border, other] : BordersAlong(segmentation_.gluing(), segmentation_.chart(), &outline)) {
-      const double cost = cost_.OfPath(border);
-      if (other != j || cost <= most) continue;
-      most = cost;
-      dearest = {i, j, {border.begin(), border.end()}};
+  // The mirror image of a half-edge, whose face is the image of its face; maybe invalid.
+  HalfedgeHandle ImageOf(HalfedgeHandle h) const {
+    const TriMesh& mesh = *surface_.mesh;
+    const HalfedgeHandle o = mesh.opposite_halfedge_handle(h);
+    if (const std::int32_t c = charts_.mirror->corner[CornerOf(mesh, h)]; c >= 0) return HalfEdgeOf(mesh, c);
+    const std::int32_t c = mesh.is_boundary(o) ? -1 : charts_.mirror->corner[CornerOf(mesh, o)];
+    const HalfedgeHandle image = c < 0 ? HalfedgeHandle() : mesh.opposite_halfedge_handle(HalfEdgeOf(mesh, c));
+    return image.is_valid() && mesh.is_boundary(image) ? HalfedgeHandle() : image;
+  }
+
+  // The mirror image of consecutive half-edges, which runs the other way; empty if an edge has no image.
+  std::vector<HalfedgeHandle> ImageOf(std::span<const HalfedgeHandle> path) const {
+    std::vector<HalfedgeHandle> image;
+    for (std::size_t i = path.size(); i-- > 0;) {
+      image.push_back(charts_.mirror ? ImageOf(path[i]) : HalfedgeHandle());
+      if (!image.back().is_valid()) return {};
     }
-    if (dearest && outline.size() + segmentation_.Outline(j).size() < 2 * dearest->border.size() + 3)
-      return std::nullopt;
-    return dearest;
+    return image;
+  }
+
+  // Whether two paths have an edge in common.
+  static bool Meet(std::span<const HalfedgeHandle> path, std::span<const HalfedgeHandle> other) {
+    std::vector<int> edges;
+    for (const HalfedgeHandle h : path) edges.push_back(h.idx() / 2);
+    std::sort(edges.begin(), edges.end());
+    return std::any_of(other.begin(), other.end(),
+                       [&](HalfedgeHandle h) { return std::binary_search(edges.begin(), edges.end(), h.idx() / 2); });
+  }
+
+  std::int32_t ChartOf(HalfedgeHandle h) const {
+    return segmentation_.chart()[segmentation_.gluing().mesh().face_handle(h).idx()];
+  }
+  std::int32_t ChartAcross(HalfedgeHandle h) const { return segmentation_.chart()[surface_.face_across(h)]; }
+
+  // These half-edges as a border of charts i and j; nothing if they do not lie between the two.
+  std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j,
+                                              std::vector<HalfedgeHandle> border) const {
+    if (border.empty() || surface_.face_across(border.front()) < 0) return std::nullopt;
+    if (ChartOf(border.front()) != i) {
+      std::reverse(border.begin(), border.end());
+      for (HalfedgeHandle& h : border) h = surface_.mesh->opposite_halfedge_handle(h);
+    }
+    for (const HalfedgeHandle h : border) {
+      const bool is_border =
+          segmentation_.gluing().IsOutline(h) && surface_.face_across(h) >= 0 && ChartOf(h) == i && ChartAcross(h) == j;
+      if (!is_border) return std::nullopt;
+    }
+    if (segmentation_.Outline(i).size() + segmentation_.Outline(j).size() < 2 * border.size() + 3) return std::nullopt;
+    return Segmentation::Joint{i, j, std::move(border)};
   }
 
   // Glues two charts, and their mirror images alike, if that lowers the cost by so much at least. Returns by how much
   // it would; nothing if they must stay apart.
   std::optional<double> Try(const Segmentation::Joint& joint, double least) {
     const std::int32_t i = joint.chart, j = joint.other, i_image = ImageOf(i), j_image = ImageOf(j);
-    std::vector<Step> steps;
-    double gain = CostOf(i) + CostOf(j) + cost_.OfPath(joint.border);
-    bool is_sound = Apply(joint, &steps);
-    gain -= CostOf(i);
-    const bool across = i_image == j || i_image < 0 || j_image < 0;
-    if (is_sound && !across && (i_image != i || j_image != j)) {
-      // Which of the images are part of chart i now.
-      const std::int32_t to = i_image == i || j_image == j ? i : i_image;
-      const std::int32_t from = i_image == i ? j_image : j_image == j ? i_image : j_image;
-      const std::optional<Segmentation::Joint> other = BorderOf(to, from);
-      if (other) {
-        gain += CostOf(to) + CostOf(from) + cost_.OfPath(other->border);
-        is_sound = Apply(*other, &steps);
-        gain -= CostOf(to);
-      } else {
-        is_sound = false;
+    const bool is_own = i_image == j || (i_image == i && j_image == j);
+    std::vector<HalfedgeHandle> border;
+    if (i_image >= 0 && j_image >= 0) {
+      border = ImageOf(joint.border);
+      if (is_own && !border.empty() && !Meet(joint.border, border)) return std::nullopt;
+    }
+    // Image charts are estimated only where this chart gains enough.
+    const bool has_image = !is_own && i_image >= 0 && j_image >= 0;
+    const std::int32_t to = !has_image ? -1 : i_image == i || j_image == j ? i : i_image;
+    const std::int32_t from = !has_image ? -1 : i_image == i ? j_image : j_image == j ? i_image : j_image;
+    double gain = CostOf(i) + CostOf(j) + cost_.OfPath(joint.border), other_gain = 0;
+    Glued glued;
+    bool is_sound = Join(joint, &glued);
+    if (is_sound && has_image) {
+      const std::optional<Segmentation::Joint> other = BorderOf(to, from, std::move(border));
+      is_sound = other && Join(*other, &glued);
+      if (is_sound) {
+        double& its_gain = to == i ? gain : other_gain;
+        its_gain += (to == i ? 0 : CostOf(to)) + CostOf(from) + cost_.OfPath(other->border);
       }
     }
+    const bool is_pair = has_image && to != i;
+    const auto estimate = [&](std::int32_t chart, double* its_gain) {
+      const std::optional<double> cost = Estimate(chart, &glued);
+      *its_gain -= cost.value_or(0);
+      is_sound = is_sound && cost.has_value();
+    };
+    if (is_sound) estimate(i, &gain);
+    if (is_sound && is_pair && 2 * gain >= least) {
+      estimate(to, &other_gain);
+      gain += other_gain;
+    } else if (is_pair) {
+      gain *= 2;
+    }
     if (!is_sound || gain < least) {
-      Undo(&steps);
+      Undo(&glued);
       return is_sound ? std::optional(gain) : std::nullopt;
     }
-    for (const Step& step : steps) {
-      ++version_[step.joined.chart];
-      ++version_[step.joined.other];
+    for (const Segmentation::Joined& joined : glued.joined) {
+      ++version_[joined.chart];
+      ++version_[joined.other];
     }
     if (!charts_.image.empty()) {
       std::vector<std::int32_t>& image = charts_.image;
@@ -247,64 +320,116 @@ class SeamSearch {
            (tried.chart == i && tried.other == j && tried.versions == Versions(i, j));
   }
 
-  // Moves one seam, or part of one, if that lowers the cost. Returns by how much.
+  // A seam that is moved, together with its mirror image. `charts` are the charts beside them; `before` are their
+  // estimates before the move.
+  struct Moved {
+    struct Part {
+      std::int32_t chart, other;
+      std::vector<HalfedgeHandle> from, to;
+    };
+    std::vector<Part> parts;
+    std::vector<std::int32_t> charts;
+    std::vector<ChartEstimates::Before> before;
+  };
+
+  // Moves one seam, or part of one, and its mirror image alike, if that lowers the cost. Returns by how much.
   double MovePart(std::span<const HalfedgeHandle> path, bool slides) {
-    const Gluing& gluing = segmentation_.gluing();
-    if (!IsPath(gluing, path)) return 0;
-    const std::int32_t i = segmentation_.chart()[gluing.mesh().face_handle(path.front()).idx()];
-    const std::int32_t j = segmentation_.chart()[surface_.face_across(path.front())];
+    if (!IsPath(segmentation_.gluing(), path)) return 0;
+    const std::vector<HalfedgeHandle> image = ImageOf(path);
+    if (Meet(path, image)) return 0;  // it lies on the plane, or across
+    const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
     const BorderKey key = {path.front().idx(), path.size()};
     if (HasFailed(key, i, j)) return 0;
     const std::optional<std::vector<HalfedgeHandle>> way = router_.Reroute(path, slides);
-    if (!way || !segmentation_.MoveSeam(i, j, path, *way)) {
+    Moved moved;
+    if (!way || !MoveTo(path, *way, &moved) || (!image.empty() && !MoveTo(image, ImageOf(*way), &moved))) {
+      UndoMove(&moved);
       Fail(key, i, j);
       return 0;
     }
-    Moved moved = {i, j, {path.begin(), path.end()}, *way, {}};
-    const double before = cost_.OfPath(path) + CostOf(i) + (i == j ? 0 : CostOf(j));
-    EstimateMoved(&moved);
-    const double after = cost_.OfPath(*way) + CostOf(i) + (i == j ? 0 : CostOf(j));
-    if (IsSound(i) && IsSound(j) && before - after > kWorthIt) {
-      ++version_[i];
-      ++version_[j];
-      return before - after;
+    double of_paths = 0;
+    for (const typename Moved::Part& part : moved.parts) of_paths += cost_.OfPath(part.from) - cost_.OfPath(part.to);
+    double gain = of_paths;
+    bool is_sound = true;
+    for (std::size_t k = 0; k < moved.charts.size() && is_sound; ++k) {
+      // The images will gain about as much.
+      is_sound = k != 2 || moved.charts.size() < 4 || 2 * gain - of_paths > kWorthIt;
+      if (!is_sound) break;
+      const std::int32_t chart = moved.charts[k];
+      gain += CostOf(chart);
+      moved.before.push_back(estimates_.Replace(chart));
+      move_left_ -= static_cast<double>(segmentation_.charts()[chart].size());
+      Measure(chart);
+      gain -= CostOf(chart);
+      is_sound = IsSound(chart);
+    }
+    if (is_sound && gain > kWorthIt) {
+      for (const std::int32_t k : moved.charts) ++version_[k];
+      return gain;
     }
     UndoMove(&moved);
     Fail(key, i, j);
     return 0;
   }
 
-  // A seam that has been moved, and the estimates of its charts before that.
-  struct Moved {
-    std::int32_t chart, other;
-    std::vector<HalfedgeHandle> from, to;
-    std::vector<ChartEstimates::Before> before;
-  };
-
-  void EstimateMoved(Moved* moved) {
-    const std::int32_t i = moved->chart, j = moved->other;
-    moved->before.push_back(estimates_.Replace(i));
-    if (i != j) moved->before.push_back(estimates_.Replace(j));
-    for (const std::int32_t k : {i, j}) {
-      move_left_ -= static_cast<double>(segmentation_.charts()[k].size());
-      Measure(k);
+  // Whether a way runs inside of the two charts beside a path, from outline to outline, as those of SeamRouter do. The
+  // mirror image of one may not, once that has become a seam.
+  bool CanLeadTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way) const {
+    const Gluing& gluing = segmentation_.gluing();
+    const TriMesh& mesh = gluing.mesh();
+    const auto is_on_path = [&](VertexHandle v) {
+      return std::any_of(path.begin() + 1, path.end(),
+                         [&](HalfedgeHandle h) { return mesh.from_vertex_handle(h) == v; });
+    };
+    const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
+    for (const HalfedgeHandle h : way) {
+      if (surface_.face_across(h) < 0 || surface_.is_uncut(h)) return false;
+      if (gluing.IsOutline(h) && !Meet({&h, 1}, path)) return false;
+      if ((ChartOf(h) != i && ChartOf(h) != j) || (ChartAcross(h) != i && ChartAcross(h) != j)) return false;
+      const VertexHandle v = mesh.to_vertex_handle(h);
+      const bool is_free = gluing.IsInside(v) || is_on_path(v);
+      if (is_free == (h == way.back())) return false;
     }
+    const VertexHandle start = mesh.from_vertex_handle(way.front());
+    return !gluing.IsInside(start) && !is_on_path(start);
+  }
+
+  // Leads a seam another way; returns whether it can go there.
+  bool MoveTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way, Moved* moved) {
+    if (way.empty() || !IsPath(segmentation_.gluing(), path)) return false;
+    const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
+    if (!CanLeadTo(path, way)) return false;
+    if (!segmentation_.MoveSeam(i, j, path, way)) return false;
+    moved->parts.push_back({i, j, {path.begin(), path.end()}, way});
+    for (const std::int32_t k : {i, j}) {
+      if (std::find(moved->charts.begin(), moved->charts.end(), k) == moved->charts.end()) moved->charts.push_back(k);
+    }
+    return true;
   }
 
   void UndoMove(Moved* moved) {
-    const std::int32_t i = moved->chart, j = moved->other;
-    segmentation_.MoveSeam(i, j, moved->to, moved->from);
-    for (std::size_t k = moved->before.size(); k-- > 0;) {
-      estimates_.Restore(k == 0 ? i : j, std::move(moved->before[k]));
+    for (std::size_t k = moved->parts.size(); k-- > 0;) {
+      const typename Moved::Part& part = moved->parts[k];
+      segmentation_.MoveSeam(part.chart, part.other, part.to, part.from);
     }
-    Measure(i);
-    Measure(j);
+    for (std::size_t k = moved->before.size(); k-- > 0;) {
+      estimates_.Restore(moved->charts[k], std::move(moved->before[k]));
+    }
+    for (std::size_t k = 0; k < moved->before.size(); ++k) Measure(moved->charts[k]);
+  }
+
+  // Whether the vertex where a half-edge ends is its own mirror image.
+  bool EndsOnPlane(HalfedgeHandle h) const {
+    const TriMesh& mesh = *surface_.mesh;
+    const HalfedgeHandle image = ImageOf(h);
+    return image.is_valid() && mesh.from_vertex_handle(image) == mesh.to_vertex_handle(h);
   }
 
   // Moves all seams, the dearest first. Returns what has been gained.
   double Move() {
     double gained = 0;
-    const std::vector<SeamPath> paths = SeamPaths(segmentation_);
+    std::vector<SeamPath> paths = SeamPaths(segmentation_);
+    if (charts_.mirror) paths = OfOneSide(paths);
     std::vector<double> cost;
     for (const SeamPath& path : paths) cost.push_back(cost_.OfPath(path.half_edges));
     for (const std::int32_t p :
@@ -313,7 +438,7 @@ class SeamSearch {
       Tell();
       const std::span<const HalfedgeHandle> path = paths[p].half_edges;
       if (!paths[p].is_loop && path.size() <= kArc) {
-        gained += MovePart(path, /*slides=*/true);
+        gained += MovePart(path, paths[p].slides);
         continue;
       }
       const std::size_t arcs = std::max<std::size_t>(2, (path.size() + kArc - 1) / kArc);
@@ -324,6 +449,39 @@ class SeamSearch {
       }
     }
     return gained;
+  }
+
+  // Paths that end where they cross the plane, without those whose images are among the others.
+  std::vector<SeamPath> OfOneSide(const std::vector<SeamPath>& paths) const {
+    const TriMesh& mesh = *surface_.mesh;
+    const auto is_second = [&](std::int32_t f) { return charts_.mirror->side[f] == Mirror::Side::kSecond; };
+    std::vector<SeamPath> parts;
+    for (const SeamPath& path : paths) {
+      std::vector<HalfedgeHandle> all = path.half_edges;
+      bool is_whole = true;
+      if (path.is_loop) {
+        const auto crossing = std::find_if(all.begin(), all.end(), [&](HalfedgeHandle h) { return EndsOnPlane(h); });
+        if (crossing != all.end()) {
+          is_whole = false;
+          std::rotate(all.begin(), crossing + 1, all.end());
+        }
+      }
+      SeamPath part;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        part.half_edges.push_back(all[i]);
+        const bool is_last = i + 1 == all.size();
+        if (!is_last && !EndsOnPlane(all[i])) continue;
+        is_whole = is_whole && is_last;
+        const HalfedgeHandle h = part.half_edges.front();
+        part.slides = is_whole;
+        part.is_loop = path.is_loop && is_whole;
+        const bool is_image = is_second(mesh.face_handle(h).idx()) && is_second(surface_.face_across(h)) &&
+                              !ImageOf(part.half_edges).empty();
+        if (!is_image) parts.push_back(part);
+        part = {};
+      }
+    }
+    return parts;
   }
 
   Job& job_;
@@ -346,47 +504,12 @@ class SeamSearch {
 
 }  // namespace
 
-absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts) {
-  if (job->execution.IsStopRequested() || charts->segmentation->charts().empty()) return absl::OkStatus();
+absl::StatusOr<double> ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts) {
+  if (job->execution.IsStopRequested() || charts->segmentation->charts().empty()) return 0;
   const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
   const SeamCost cost(*charts->surface, visibility, job->options.tuning, job->execution);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   return SeamSearch(job, cost, execution, estimates, charts).Run();
-}
-
-absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts) {
-  if (!seams.corners.empty() || !seams.uncut_corners.empty() || seams.hard_edge_degrees > 0 || !seams.kind.empty()) {
-    return false;
-  }
-  const std::optional<Mirror> mirror = FindMirror(job->mesh, seams.polygon, job->execution);
-  if (!mirror || job->execution.IsStopRequested()) return false;
-  seams.part.resize(job->mesh.faces.size(), 0);
-  for (std::int32_t f = 0; f < std::ssize(seams.part); ++f) {
-    constexpr std::int32_t kKinds = 3;
-    seams.part[f] = kKinds * seams.part[f] + (!mirror->has_image(f) ? 2 : mirror->is_second[f] != 0 ? 1 : 0);
-  }
-  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh, seams, job->execution));
-  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
-    if (mirror->is_second[f] != 0) surface.takes_part[f] = 0;
-  }
-  Charts half;
-  half.surface = std::make_unique<const Surface>(std::move(surface));
-  MeasureAtlases(*job, &half);
-  half.segmentation.emplace(*half.surface, Segmentation::Kind::kStretch, FirstStretch(job->options),
-                            execution.Part(0, 0.5), MergingOf(job->options));
-  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  ChartEstimates estimates(*half.segmentation, job->options.tuning);
-  PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, execution.Part(0.5, 0.5), &estimates, &half));
-  PLANISH_RETURN_IF_ERROR(ImproveSeams(job, execution.Part(0.5, 1), &estimates, &half));
-  const auto count = static_cast<std::int32_t>(half.segmentation->charts().size());
-  std::optional<Segmentation> whole = Segmentation::Mirrored(*charts->surface, *half.segmentation, *mirror);
-  if (!whole) return false;
-  charts->segmentation.emplace(*std::move(whole));
-  for (std::int32_t i = 0; i < 2 * count; ++i) {
-    const std::int32_t other = i < count ? i + count : i - count;
-    charts->image.push_back(charts->segmentation->charts()[other].empty() ? -1 : other);
-  }
-  return true;
 }
 
 }  // namespace planish

@@ -96,6 +96,11 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
 // What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
 constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
+// Where less of the surface has a mirror image, and on small surfaces, charts are also made without symmetry. Both
+// sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost without symmetry.
+constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5;
+constexpr std::int32_t kSmall = 2'000;  // faces: the second search takes little time
+
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
   if (job.execution.IsCancelled() || job.execution.IsStopRequested()) return;
@@ -255,17 +260,23 @@ absl::StatusOr<Charts> Segment(Job* job) {
   WarnOfSurface(surface, job->polygons, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   const bool by_seams = by_stretch && seams.prefer == SeamPreference::kSeams;
-  bool is_mirrored = false;
-  if (by_seams) {
-    const Execution merging = job->execution.Part(kSurfaceShare, kSegmentShare);
-    PLANISH_ASSIGN_OR_RETURN(is_mirrored, SegmentMirrored(job, given, merging, &charts));
-  }
-  if (!is_mirrored) {
+  const auto segment = [&](const Execution& execution) {
     charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                                FirstStretch(job->options), job->execution.Part(kSurfaceShare, kSegmentShare),
-                                MergingOf(job->options));
+                                FirstStretch(job->options), execution, MergingOf(job->options));
     if (by_stretch) RejoinCharts(*job, &charts);
+  };
+  const Execution merging = job->execution.Part(kSurfaceShare, kSegmentShare);
+  double mirrored = 0;  // share of the surface
+  if (by_seams) {
+    PLANISH_ASSIGN_OR_RETURN(mirrored, SegmentMirrored(job, given, merging, &charts));
   }
+  const bool is_compared = mirrored < kMostlyMirrored || charts.surface->num_faces() <= kSmall;
+  if (is_compared && !charts.surface->crowded_edges.empty()) {  // RejoinCharts() changes the surface
+    mirrored = 0;
+    charts.image.clear();
+    charts.mirror.reset();
+  }
+  if (mirrored == 0) segment(merging);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (!needles.empty()) {
     charts.reduction = ReduceLongNeedles(job->mesh, job->polygons, needles, charts.segmentation->charts(), job->options,
@@ -273,18 +284,34 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
-    ChartEstimates estimates(*charts.segmentation, job->options.tuning);
+    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning);
     if (by_seams) {
       const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
-      if (!is_mirrored) PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, &estimates, &charts));
-      const Execution improving = job->execution.Part(kSegmentShare, kImproveShare);
-      PLANISH_RETURN_IF_ERROR(ImproveSeams(job, improving, &estimates, &charts));
+      const auto improve = [&](const Execution& execution, ChartEstimates* of) -> absl::StatusOr<double> {
+        PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, of, &charts));
+        if (!charts.image.empty()) charts.image.resize(charts.segmentation->charts().size(), -1);
+        return ImproveSeams(job, execution, of, &charts);
+      };
+      PLANISH_ASSIGN_OR_RETURN(const double cost,
+                               improve(job->execution.Part(kSegmentShare, kImproveShare), estimates.get()));
+      if (mirrored > 0 && is_compared && !job->execution.IsStopRequested()) {
+        Segmentation alike = *std::move(charts.segmentation);
+        segment(silent);
+        if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+        auto other_estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning);
+        PLANISH_ASSIGN_OR_RETURN(const double other_cost, improve(silent, other_estimates.get()));
+        if (cost <= kMirrorWorth * other_cost) {
+          charts.segmentation.emplace(std::move(alike));
+        } else {
+          estimates = std::move(other_estimates);
+        }
+      }
     }
     const Execution refining = job->execution.Part(by_seams ? kImproveShare : kSegmentShare, kRefineShare);
     const bool are_known = by_seams && !job->execution.IsStopRequested() && !charts.segmentation->charts().empty();
-    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, &estimates, &charts, are_known));
+    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, refining, estimates.get(), &charts, are_known));
     refining.Report(1);
-    if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
+    if (!by_seams) PLANISH_RETURN_IF_ERROR(JoinEstimated(job, estimates.get(), &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.

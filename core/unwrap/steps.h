@@ -84,9 +84,10 @@ struct Charts {
   // Per chart of the segmentation: its mirror image, maybe the chart itself; -1 without an image. Empty if no chart has
   // one, and after the first cut.
   std::vector<std::int32_t> image;
-  std::vector<char> ignored;  // per face: has no area and is excluded from all promises; empty if no face is
-  double total_area = 0;      // of the surface
-  double drawn_area = 0;      // the same with `reduction`, which shrinks long needles to almost nothing
+  std::optional<Mirror> mirror;  // of the surface, as long as both sides are cut alike
+  std::vector<char> ignored;     // per face: has no area and is excluded from all promises; empty if no face is
+  double total_area = 0;         // of the surface
+  double drawn_area = 0;         // the same with `reduction`, which shrinks long needles to almost nothing
   // Per atlas (AtlasOf()): the size of its content. If all atlases have one texel density, the largest content of any
   // atlas. The square root of the area is a length to compare the lengths of charts with.
   struct AtlasSize {
@@ -176,12 +177,14 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
 
 // With SeamPreference::kSeams, before charts are solved for: glues charts and moves seams as long as that lowers the
 // cost of seams (core/charts/seam_cost.h). After a stop request nothing changes. CANCELLED after a cancellation.
-absl::Status ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+// Returns the cost of all seams and charts at the end.
+absl::StatusOr<double> ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
-// Both sides of a surface that is its own mirror image are cut alike: makes charts of one of them by all of the above,
-// and those of the other of these. Sets `segmentation` and `image`. Returns whether it has; not for surfaces without
-// such a plane, nor with seams given. `seams`: what `charts->surface` was made with.
-absl::StatusOr<bool> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+// Makes charts of one side of a symmetric surface, and their mirror images on the other side. Sets `segmentation`,
+// `image` and `mirror`, with which ImproveSeams() keeps both sides alike. Returns the share of the area that has a
+// mirror image. Returns 0 and changes nothing for other surfaces, or if seams are given. `seams`: the argument with
+// which `charts->surface` was made.
+absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
 
 // The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);

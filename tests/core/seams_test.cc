@@ -126,21 +126,64 @@ TEST(SeamRouter, FindsCheaperWaysThatLeaveDiscs) {
   EXPECT_GT(moved, 1) << "of " << SeamPaths(segmentation).size();
 }
 
-TEST(Mirror, IsFoundWhereOneSideIsTheImageOfTheOther) {
-  const Mesh mesh = testing::Patch(12, 12, [](double s, double t) {
-    return Vec3(std::abs(2 * s - 1) * (2 * s - 1), t, (2 * s - 1) * (2 * s - 1) + 0.3 * t * t);
-  });
-  const std::optional<Mirror> mirror = FindMirror(mesh, {});
-  if (mirror) {
-    for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
-      if (!mirror->has_image(f)) continue;
-      const std::int32_t g = mirror->corner[3 * f] / 3;
-      EXPECT_NE(g, f);
-      EXPECT_EQ(mirror->corner[mirror->corner[3 * f]], 3 * f);
-      EXPECT_NE(mirror->is_second[f], mirror->is_second[g]);
+// A sheet that is its own mirror image but for the diagonals of its quads, which all run the same way.
+Mesh Saddle(int columns) {
+  constexpr int kRows = 12;
+  Mesh mesh;
+  for (int row = 0; row <= kRows; ++row) {
+    for (int column = 0; column <= columns; ++column) {
+      const double x = 2.0 * column / columns - 1, y = static_cast<double>(row) / kRows;
+      mesh.positions.emplace_back(std::abs(x) * x, y, x * x + 0.3 * y * y);
+      if (row == kRows || column == columns) continue;
+      const std::int32_t v = row * (columns + 1) + column, above = v + columns + 1;
+      mesh.faces.push_back({v, v + 1, above + 1});
+      mesh.faces.push_back({v, above + 1, above});
     }
   }
+  return mesh;
+}
+
+TEST(Mirror, IsFoundWhereDiagonalsDiffer) {
+  using Side = Mirror::Side;
+  for (const int columns : {12, 11}) {
+    const Mesh mesh = Saddle(columns);
+    const std::optional<Mirror> mirror = FindMirror(mesh, {});
+    ASSERT_TRUE(mirror);
+    EXPECT_NEAR(mirror->share, 1, 1e-12);
+    std::map<Side, int> faces;
+    for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+      ++faces[mirror->side[f]];
+      const std::int32_t g = mirror->face[f];
+      EXPECT_EQ(std::count(mirror->polygon.begin(), mirror->polygon.end(), mirror->polygon[f]), 2);
+      EXPECT_EQ(mirror->polygon[f] == mirror->polygon[g], mirror->side[f] == Side::kAcross);
+      EXPECT_EQ(mirror->side[f] == Side::kFirst, mirror->side[g] == Side::kSecond);
+      int diagonals = 0;
+      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+        const std::int32_t image = mirror->corner[c];
+        diagonals += image < 0 ? 1 : 0;
+        if (image < 0) continue;
+        EXPECT_EQ(mirror->corner[image], c);
+        EXPECT_EQ(mirror->polygon[image / 3], mirror->polygon[g]);
+      }
+      EXPECT_EQ(diagonals, 1);
+    }
+    EXPECT_EQ(faces[Side::kFirst], faces[Side::kSecond]);
+    EXPECT_EQ(faces[Side::kAcross], columns == 11 ? 24 : 0);
+  }
   EXPECT_FALSE(FindMirror(testing::Hills(12, 12), {}));
+}
+
+TEST(Mirror, GivesFacesWithoutAnImageOnesThatLieAbout) {
+  Mesh mesh = Saddle(12);
+  mesh.positions[40] += Vec3(0.02, 0.03, 0.05);  // on the first side
+  const std::optional<Mirror> mirror = FindMirror(mesh, {});
+  ASSERT_TRUE(mirror);
+  EXPECT_LT(mirror->share, 0.99);
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    if (mirror->side[f] != Mirror::Side::kSecond) continue;
+    ASSERT_GE(mirror->face[f], 0);
+    EXPECT_EQ(mirror->side[mirror->face[f]], Mirror::Side::kFirst);
+  }
 }
 
 Mesh Ball() {
@@ -156,6 +199,21 @@ TEST(PreferSeams, MakesFewerChartsAndShorterSeamsWithinTheLimit) {
   EXPECT_LE(seams.charts.size(), texture.charts.size());
   EXPECT_LT(seams.quality.visible_seam_length, texture.quality.visible_seam_length);
   for (const ChartReport& chart : seams.charts) EXPECT_LE(chart.stretch_l2, UnwrapOptions().MaxStretch() * 1.001);
+}
+
+// Diagonals of quads run otherwise on the other side; in the second mesh a part of one side has another shape.
+TEST(PreferSeams, CutsBothSidesAlike) {
+  Mesh mesh = testing::Torus(40, 20);
+  for (Vec3& p : mesh.positions) p.z() += 0.3 * p.y() + 0.2 * p.x() * p.x();  // no other planes
+  Mesh other = mesh;
+  for (Vec3& p : other.positions) {
+    if ((p - mesh.positions[123]).norm() < 0.3) p.z() += 0.05;
+  }
+  for (const Mesh& of : {mesh, other}) {
+    const UnwrapResult result = Unwrap(of, {}, {}).value();
+    ASSERT_TRUE(result.quality.seam_symmetry.has_value());
+    EXPECT_GE(*result.quality.seam_symmetry, 0.95);
+  }
 }
 
 TEST(PreferSeams, CutsNoDiscThatStaysWithinTheLimit) {
