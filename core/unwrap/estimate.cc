@@ -39,11 +39,15 @@ constexpr double kSecondsPerPiece = 8e-6;  // additional time for charts and map
 constexpr double kPackUnit = 1e-9;         // of PackTuning's work, in seconds
 // Seconds per face in a mesh of kReferenceFaces, for solving and for finding charts. Measured on an AMD EPYC with both
 // cores busy: 95 % of 12,181 generated meshes of 60 to 6,000 faces, and of 288 of 8,000 to 150,000, take a third of the
-// estimate or more. No mesh that takes at least 0.05 s takes more than three times the estimate.
+// estimate or more. With SeamPreference::kTexture, no mesh that takes at least 0.05 s takes more than three times the
+// estimate.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 5.35e-6, kSolvePower = 0.05;
 constexpr double kMerge = 6.55e-6, kMergePower = 0.05;
-constexpr double kSeamSearch = 2;  // times kMerge, with SeamPreference::kSeams: charts are glued and seams moved
+// With SeamPreference::kSeams charts are glued and seams moved. That takes kSeamSearch times kMerge, and up to
+// kSmallSeamSearch more in meshes below kSmallSearchFaces, which have a larger share of their faces at seams and are
+// searched twice if they are symmetric. Measured with 646 meshes of 36 families with 60 to 6,000 faces.
+constexpr double kSeamSearch = 2, kSmallSeamSearch = 4, kSmallSearchFaces = 8000;
 // Pieces are solved whole, once or several times if they are cut. This is a middle value: among the shared meshes of
 // 200 faces or more, discs and spheres took 3e-6 to 9e-6 in all, most closed meshes 13e-6 to 60e-6, and nets of many
 // handles and needles up to 600e-6.
@@ -96,7 +100,8 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (options.flatten.boundary == BoundaryType::kConvex) solve *= kConvexBoundary;
   double seconds = solve + kSecondsPerByte * mesh_bytes;
   if (policy == SeamPolicy::kNone) return seconds;
-  const double merge = kMerge * (options.seams.prefer == SeamPreference::kSeams ? kSeamSearch : 1);
+  const double search = kSeamSearch + kSmallSeamSearch * std::max(0.0, 1 - faces / kSmallSearchFaces);
+  const double merge = kMerge * (options.seams.prefer == SeamPreference::kSeams ? search : 1);
   if (policy == SeamPolicy::kAuto) seconds += merge * faces * std::pow(size, kMergePower);
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
   seconds += kSecondsPerPiece * pieces;
