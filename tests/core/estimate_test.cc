@@ -82,6 +82,7 @@ TEST(Estimate, KnowsWhatCostsMore) {
 // three times the estimate, or less than a third of it.
 TEST(Estimate, SmallMeshesArePackedToo) {
   UnwrapOptions options;
+  options.seams.prefer = SeamPreference::kTexture;  // the search for seams takes longer than packing
   const PackTuning& tuning = options.atlas.tuning;
   const double packed = EstimateUnwrap(200, 102, 1600, options).seconds;
   options.pack = false;
