@@ -25,7 +25,7 @@ test="
 
 # For tests/bench/run.sh: plots, and other programs that it measures. tests/files also reads its files with Blender if
 # that is installed (its glTF importer needs numpy).
-bench="gnuplot-nox libcgal-dev blender python3-numpy"
+bench="gnuplot-nox libcgal-dev blender imagemagick python3-numpy"
 
 # For the preset "clang" and deploy/each-source.sh.
 clang="clang-14"

@@ -5,7 +5,7 @@
 #   tests/bench/run.sh scale [MESH...]  20,000 to 2 million triangles: time, CPU, iterations, memory
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
-#   tests/bench/run.sh seams FOLDER     where seams lie, beside those of the artists who made the UV of FOLDER/*.obj, and xatlas
+#   tests/bench/run.sh seams FOLDER     seams beside those of the artists who made the UV of FOLDER/*.obj, and xatlas'; pictures
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #   tests/bench/run.sh tuning           each constant of the solver, linear algebra and boundary control halved and doubled
 #   tests/bench/run.sh farm             jobs a second that one PostgreSQL takes, 200 machines and 100,000 waiting jobs
@@ -495,8 +495,44 @@ seams() {
   heading "Seams, against people" "Figures of \`planish check\` (\`core/unwrap/seam_figures.h\`). Charts, seam length and visible seam length: geometric
 means of the ratios to the artists'; turn (degrees), symmetry (where there is a mirror plane) and packing efficiency: means; stretch (L2): the
 median. Of xatlas' maps, whose UV are texels, the packing efficiency says nothing. The fold of mirrored halves that an artist has
-stacked is no seam of his here.$missing" >"$out/seams.md"
+stacked is no seam of his here.$missing
+" >"$out/seams.md"
   node "$here/seams_table.mjs" "$bin/planish" "$folder" "$work" ${modules:+"$modules"} >>"$out/seams.md"
+  [ -n "$quick" ] || draw_seams "$folder"
+}
+
+# draw_seams FOLDER: $out/seams.jpg, eight of its meshes cut by their artists, for the texture, and by default.
+draw_seams() {
+  local mesh view width rows=()
+  while read -r mesh view; do
+    [ -f "$1/$mesh.obj" ] || continue
+    # shellcheck disable=SC2086  # two angles
+    draw_map "$1/$mesh.obj" "$work/$mesh.artist.png" $view --seams=keep,uv
+    # shellcheck disable=SC2086
+    draw_map "$1/$mesh.obj" "$work/$mesh.texture.png" $view --prefer=texture --max-stretch=1.05
+    # shellcheck disable=SC2086
+    draw_map "$1/$mesh.obj" "$work/$mesh.seams.png" $view
+    rows+=("$work/$mesh".{artist,texture,seams}.png)
+  done <<<"fox 20 15
+human 10 10
+spot 30 15
+grey_snapper 30 15
+vive 30 15
+cannon 30 15
+lee_perry_smith 30 15
+oculus_hand 0 20"
+  [ ${#rows[@]} -gt 0 ] || return 0
+  montage "${rows[@]}" -tile 3x -geometry 640x320+4+4 "$work/rows.png"
+  width=$(($(identify -format %w "$work/rows.png") / 3))
+  convert -size "${width}x50" -background white -fill black -pointsize 30 -gravity center label:"the artist's seams" \
+    label:"planish --prefer=texture --max-stretch=1.05" label:"planish" +append "$work/head.png"
+  convert "$work/head.png" "$work/rows.png" -append -resize 1200x -quality 80 "$out/seams.jpg"
+  printf '\n![Some of the meshes: the artist'"'"'s seams, planish for the texture, planish](seams.jpg)\n' >>"$out/seams.md"
+}
+
+# draw_map MESH PNG AZIMUTH ELEVATION [FLAG...]
+draw_map() {
+  "$bin/planish" unwrap "$1" -o "$work/drawn.obj" -q --progress=none --picture="$2" --view "$3" "$4" "${@:5}"
 }
 
 textures() {
