@@ -12,6 +12,7 @@
 #include "client/files/ply_format.h"
 #include "client/files/text_cursor.h"
 #include "client/texture/image.h"
+#include "core/base/number.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
