@@ -14,7 +14,7 @@
 namespace planish::cli {
 namespace {
 
-// The triangles and all vertices of the file, with positions rounded as they are sent.
+// The triangles and all vertices of the file, with positions rounded to float, as in an upload.
 Mesh AsSent(const MeshInput& input) {
   const Triangulation& triangles = input.triangulation();
   Mesh mesh;

@@ -13,11 +13,6 @@
 
 namespace planish {
 
-std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise) {
-  const auto found = object.find(key);
-  return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
-}
-
 bool IsDirection(const GltfTextureUse& use) {
   return use.meaning == TextureMeaning::kNormal || use.meaning == TextureMeaning::kDirection;
 }

@@ -42,8 +42,6 @@ std::vector<std::string> FilesOfGltf(const GltfMesh& gltf);
 
 // Whether a texture has directions in tangent space.
 bool IsDirection(const GltfTextureUse& use);
-// A whole number of the object; `otherwise` if there is none.
-std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise);
 // Removes an extension from the document's lists if nothing uses it any more.
 void ForgetExtension(Json* root, const char* name);
 

@@ -215,6 +215,11 @@ const Json* GltfObject(const Json& object, const char* key) {
   return found == object.end() || !found->is_object() ? nullptr : &*found;
 }
 
+std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise) {
+  const auto found = object.find(key);
+  return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
+}
+
 std::string GltfName(const Json& object, const char* kind, std::int64_t index) {
   const auto name = object.find("name");
   if (name != object.end() && name->is_string() && !name->get_ref<const std::string&>().empty()) {

@@ -55,6 +55,9 @@ absl::StatusOr<std::int64_t> GltfIndex(const GltfDocument& document, const Json&
 // The member `key` of `object` if it is an object, else null.
 const Json* GltfObject(const Json& object, const char* key);
 
+// The integer `key` of `object`; `otherwise` where it is missing or no integer.
+std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise);
+
 // The string `key`, or a name made of kind and index.
 std::string GltfName(const Json& object, const char* kind, std::int64_t index);
 

@@ -12,11 +12,6 @@
 namespace planish {
 namespace {
 
-std::int64_t Int(const Json& object, const char* key, std::int64_t otherwise) {
-  const auto found = object.find(key);
-  return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
-}
-
 // Element `index` of the root's array `key`, or null.
 const Json* Element(const Json& root, const char* key, std::int64_t index) {
   const auto array = root.find(key);
@@ -78,16 +73,16 @@ void FindUses(const Json& root, const Json& object, const Json::json_pointer& at
     GltfTextureUse use;
     use.slot = key;
     use.at = at / key;
-    use.texture = Int(value, "index", -1);
+    use.texture = GltfIntAt(value, "index", -1);
     use.name = ImageNameOfTexture(root, use.texture);
     use.is_normal = key.ends_with("ormalTexture");
     use.meaning = MeaningOf(key);
     if (use.is_normal) use.normal_scale = Number(value, "scale", 1);
     use.has_alpha = !is_opaque && (key == "baseColorTexture" || key == "diffuseTexture");
-    std::int64_t texcoord = Int(value, "texCoord", 0);
+    std::int64_t texcoord = GltfIntAt(value, "texCoord", 0);
     if (const Json* const extensions = GltfObject(value, "extensions")) {
       if (const Json* const transform = GltfObject(*extensions, "KHR_texture_transform")) {
-        texcoord = Int(*transform, "texCoord", texcoord);
+        texcoord = GltfIntAt(*transform, "texCoord", texcoord);
         use.transform = TransformOf(*transform);
       }
     }
@@ -113,12 +108,12 @@ std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t tex
   std::vector<GltfTextureSource> sources;
   const Json* const texture = Element(root, "textures", texture_index);
   if (texture == nullptr) return sources;
-  if (const std::int64_t source = Int(*texture, "source", -1); source >= 0) sources.push_back({source, ""});
+  if (const std::int64_t source = GltfIntAt(*texture, "source", -1); source >= 0) sources.push_back({source, ""});
   const Json* const extensions = GltfObject(*texture, "extensions");
   if (extensions == nullptr) return sources;
   for (const auto& [name, extension] : extensions->items()) {
     if (!extension.is_object()) continue;
-    if (const std::int64_t source = Int(extension, "source", -1); source >= 0) sources.push_back({source, name});
+    if (const std::int64_t source = GltfIntAt(extension, "source", -1); source >= 0) sources.push_back({source, name});
   }
   return sources;
 }
@@ -178,11 +173,8 @@ void ForEachMaterial(Json& root, const Action& action) {
   for (Json& mesh : root["meshes"]) {
     for (Json& primitive : mesh["primitives"]) {
       visit(primitive);
-      const Json* const extensions = GltfObject(primitive, "extensions");
-      if (extensions == nullptr || GltfObject(*extensions, "KHR_materials_variants") == nullptr) continue;
-      Json& variants = primitive["extensions"]["KHR_materials_variants"];
-      if (!variants.contains("mappings") || !variants["mappings"].is_array()) continue;
-      for (Json& mapping : variants["mappings"]) {
+      if (VariantMappings(primitive).empty()) continue;
+      for (Json& mapping : primitive["extensions"]["KHR_materials_variants"]["mappings"]) {
         if (mapping.is_object()) visit(mapping);
       }
     }
@@ -190,6 +182,15 @@ void ForEachMaterial(Json& root, const Action& action) {
 }
 
 }  // namespace
+
+const Json& VariantMappings(const Json& primitive) {
+  static const auto* const none = new Json(Json::array());
+  const Json* const extensions = GltfObject(primitive, "extensions");
+  const Json* const variants = extensions == nullptr ? nullptr : GltfObject(*extensions, "KHR_materials_variants");
+  if (variants == nullptr) return *none;
+  const auto mappings = variants->find("mappings");
+  return mappings != variants->end() && mappings->is_array() ? *mappings : *none;
+}
 
 bool IsAnimated(const Json& root, std::int64_t material, const std::string& part) {
   const auto animations = root.find("animations");
@@ -244,7 +245,7 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
     }
   }
   for (std::size_t i = 0; i < image_gone.size(); ++i) {
-    if (image_gone[i]) patch->ReleaseView(Int(root["images"][i], "bufferView", -1));
+    if (image_gone[i]) patch->ReleaseView(GltfIntAt(root["images"][i], "bufferView", -1));
   }
   std::vector<std::vector<GltfTextureSource>> sources;
   for (std::int64_t t = 0; t < num_textures; ++t) sources.push_back(TextureSources(root, t));
@@ -268,14 +269,14 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
 
 const Json* SamplerOfTexture(const Json& root, std::int64_t texture_index) {
   const Json* const texture = Element(root, "textures", texture_index);
-  return texture == nullptr ? nullptr : Element(root, "samplers", Int(*texture, "sampler", -1));
+  return texture == nullptr ? nullptr : Element(root, "samplers", GltfIntAt(*texture, "sampler", -1));
 }
 
 std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture_index) {
   constexpr std::int64_t kClampToEdge = 33071, kMirroredRepeat = 33648;
   const Json* const sampler = SamplerOfTexture(root, texture_index);
   const auto wrap = [&](const char* key) {
-    const std::int64_t value = sampler == nullptr ? 0 : Int(*sampler, key, 0);
+    const std::int64_t value = sampler == nullptr ? 0 : GltfIntAt(*sampler, key, 0);
     if (value == kClampToEdge) return TextureWrap::kClamp;
     return value == kMirroredRepeat ? TextureWrap::kMirror : TextureWrap::kRepeat;
   };

@@ -48,6 +48,10 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
 // know or an animation may refer to materials by their numbers.
 void RemoveUnusedMaterials(const std::set<std::int64_t>& materials, GltfPatch* patch);
 
+// The mappings of materials in a primitive's KHR_materials_variants; an empty array where the primitive has no
+// variants.
+const Json& VariantMappings(const Json& primitive);
+
 // Whether an animation changes something of a material (KHR_animation_pointer) whose path has `part` in it.
 bool IsAnimated(const Json& root, std::int64_t material, const std::string& part = "");
 

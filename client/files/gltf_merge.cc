@@ -48,8 +48,7 @@ std::int64_t UsesOf(const Json& root, std::int64_t material) {
   for (const Json& mesh : root["meshes"]) {
     for (const Json& primitive : mesh["primitives"]) {
       if (material >= 0 && GltfIntAt(primitive, "material", -1) == material) ++uses;
-      if (!HasVariants(primitive)) continue;
-      const Json mappings = primitive["extensions"][kVariantsOfMaterials].value("mappings", Json::array());
+      const Json& mappings = VariantMappings(primitive);
       uses += std::count_if(mappings.begin(), mappings.end(), [material](const Json& mapping) {
         return mapping.is_object() && GltfIntAt(mapping, "material", -1) == material;
       });
@@ -64,8 +63,7 @@ std::set<std::int64_t> MaterialsOfVariants(const Json& root) {
     for (const Json& primitive : mesh["primitives"]) {
       if (!HasVariants(primitive)) continue;
       materials.insert(GltfIntAt(primitive, "material", -1));
-      const Json mappings = primitive["extensions"][kVariantsOfMaterials].value("mappings", Json::array());
-      for (const Json& mapping : mappings) {
+      for (const Json& mapping : VariantMappings(primitive)) {
         if (mapping.is_object()) materials.insert(GltfIntAt(mapping, "material", -1));
       }
     }

@@ -21,7 +21,7 @@ float NumberAt(const Json& json, const Pointer& at, float otherwise) {
   return json.contains(at) && json[at].is_number() ? json[at].get<float>() : otherwise;
 }
 
-// The numbers of an array; those of `otherwise` where there are none.
+// The first four numbers of an array, filled up from `otherwise`.
 Factor FactorAt(const Json& json, const Pointer& at, Factor otherwise) {
   if (!json.contains(at) || !json[at].is_array()) return otherwise;
   for (std::size_t i = 0; i < 4 && i < json[at].size(); ++i) {
@@ -89,7 +89,7 @@ class MergePlanner {
   }
 
  private:
-  // Of the members; whether they all have the same.
+  // A value of each member, and whether all are equal.
   template <typename Value>
   std::vector<Value> OfMembers(const auto& value, bool* are_equal) const {
     std::vector<Value> values;

@@ -13,10 +13,10 @@
 namespace planish {
 
 struct MergedMember {
-  std::int64_t material = -1;  // -1: that of primitives without one
+  std::int64_t material = -1;  // -1: the default material, of primitives that name none
   Json json = Json::object();
   std::vector<std::size_t> primitives;
-  std::vector<GltfTextureUse> uses;  // those with an image
+  std::vector<GltfTextureUse> uses;  // the textures that have an image
 
   const GltfTextureUse* UseAt(const Json::json_pointer& at) const;
 };

@@ -15,12 +15,6 @@ void Pad(std::string* bytes, std::size_t remainder) {
   while (bytes->size() % kAlignment != remainder) bytes->push_back('\0');
 }
 
-// The index `key` of `object`, or -1.
-std::int64_t IndexAt(const Json& object, const char* key) {
-  const auto found = object.find(key);
-  return found == object.end() || !found->is_number_integer() ? -1 : found->get<std::int64_t>();
-}
-
 void Count(std::int64_t index, std::vector<std::int64_t>* uses) {
   if (index >= 0 && index < static_cast<std::int64_t>(uses->size())) ++(*uses)[static_cast<std::size_t>(index)];
 }
@@ -88,34 +82,35 @@ void GltfPatch::CountUses() {
   each(json_, "meshes", [&](const Json& mesh) {
     each(mesh, "primitives", [&](const Json& primitive) {
       if (!primitive.is_object()) return;
-      Count(IndexAt(primitive, "indices"), &accessor_uses_);
+      Count(GltfIntAt(primitive, "indices", -1), &accessor_uses_);
       each(primitive, "attributes", attribute);
       each(primitive, "targets", [&](const Json& target) {
         if (!target.is_object()) return;
         for (const Json& index : target) attribute(index);
       });
-      if (const Json* const draco = DracoJson(primitive)) Count(IndexAt(*draco, "bufferView"), &view_uses_);
+      if (const Json* const draco = DracoJson(primitive)) Count(GltfIntAt(*draco, "bufferView", -1), &view_uses_);
     });
   });
   each(json_, "animations", [&](const Json& animation) {
     each(animation, "samplers", [&](const Json& sampler) {
       if (!sampler.is_object()) return;
-      Count(IndexAt(sampler, "input"), &accessor_uses_);
-      Count(IndexAt(sampler, "output"), &accessor_uses_);
+      Count(GltfIntAt(sampler, "input", -1), &accessor_uses_);
+      Count(GltfIntAt(sampler, "output", -1), &accessor_uses_);
     });
   });
   each(json_, "skins", [&](const Json& skin) {
-    if (skin.is_object()) Count(IndexAt(skin, "inverseBindMatrices"), &accessor_uses_);
+    if (skin.is_object()) Count(GltfIntAt(skin, "inverseBindMatrices", -1), &accessor_uses_);
   });
   each(json_, "images", [&](const Json& image) {
-    if (image.is_object()) Count(IndexAt(image, "bufferView"), &view_uses_);
+    if (image.is_object()) Count(GltfIntAt(image, "bufferView", -1), &view_uses_);
   });
   each(json_, "accessors", [&](const Json& accessor) {
-    Count(IndexAt(accessor, "bufferView"), &view_uses_);
+    Count(GltfIntAt(accessor, "bufferView", -1), &view_uses_);
     const Json* const sparse = GltfObject(accessor, "sparse");
     if (sparse == nullptr) return;
     for (const char* part : {"indices", "values"}) {
-      if (const Json* const object = GltfObject(*sparse, part)) Count(IndexAt(*object, "bufferView"), &view_uses_);
+      if (const Json* const object = GltfObject(*sparse, part))
+        Count(GltfIntAt(*object, "bufferView", -1), &view_uses_);
     }
   });
 }
@@ -128,11 +123,11 @@ void GltfPatch::ReleaseView(std::int64_t view) {
 }
 
 void GltfPatch::ReleaseViews(const Json& accessor) {
-  ReleaseView(IndexAt(accessor, "bufferView"));
+  ReleaseView(GltfIntAt(accessor, "bufferView", -1));
   const Json* const sparse = GltfObject(accessor, "sparse");
   if (sparse == nullptr) return;
   for (const char* part : {"indices", "values"}) {
-    if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(IndexAt(*object, "bufferView"));
+    if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(GltfIntAt(*object, "bufferView", -1));
   }
 }
 
@@ -250,11 +245,11 @@ std::string GltfPatch::TakeBuffer() {
       continue;
     }
     Json& view = views[v];
-    const std::int64_t buffer = IndexAt(view, "buffer");
+    const std::int64_t buffer = GltfIntAt(view, "buffer", -1);
     if (buffer < 0 || buffer >= static_cast<std::int64_t>(ranges.size())) continue;
     const std::int64_t size = static_cast<std::int64_t>(document_.buffers[static_cast<std::size_t>(buffer)].size());
-    const std::int64_t begin = std::clamp<std::int64_t>(IndexAt(view, "byteOffset"), 0, size);
-    const std::int64_t length = std::clamp<std::int64_t>(IndexAt(view, "byteLength"), 0, size - begin);
+    const std::int64_t begin = std::clamp<std::int64_t>(GltfIntAt(view, "byteOffset", -1), 0, size);
+    const std::int64_t length = std::clamp<std::int64_t>(GltfIntAt(view, "byteLength", -1), 0, size - begin);
     ranges[static_cast<std::size_t>(buffer)].push_back({begin, begin + length, v});
   }
   std::string result;

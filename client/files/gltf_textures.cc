@@ -111,10 +111,7 @@ std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) c
       Place place = {m, p, std::nullopt, std::nullopt};
       if (const auto found = triangles.find({m, p}); found != triangles.end()) place.triangles = found->second;
       if (GltfIntAt(primitives[p], "material", -1) == material) places.push_back(place);
-      const Json* const extensions = GltfObject(primitives[p], "extensions");
-      const Json* const variants = extensions == nullptr ? nullptr : GltfObject(*extensions, kVariants);
-      if (variants == nullptr || !variants->contains("mappings") || !(*variants)["mappings"].is_array()) continue;
-      const Json& mappings = (*variants)["mappings"];
+      const Json& mappings = VariantMappings(primitives[p]);
       for (std::size_t i = 0; i < mappings.size(); ++i) {
         if (!mappings[i].is_object() || GltfIntAt(mappings[i], "material", -1) != material) continue;
         place.mapping = i;

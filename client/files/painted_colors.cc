@@ -31,7 +31,7 @@ std::string NameInFolder(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-// The first line end, from `at` on; the size of the text if there is none.
+// Where the next line begins after position `at`: the size of the text after its last line.
 std::size_t AfterLine(const std::string& text, std::size_t at) {
   const std::size_t end = text.find('\n', at);
   return end == std::string::npos ? text.size() : end + 1;

@@ -23,7 +23,8 @@ absl::Status CheckPainting(const MeshFile& file, const OutputOptions& options);
 // EstimateTextureSide() (mesh_output.h).
 absl::StatusOr<double> EstimatePaintedSide(const MeshFile& file, double total_area);
 
-// A PNG of the colours in the new map; empty, with a warning, if the file has none.
+// The vertex colours, painted into a PNG in the new map. A file without vertex colours gives an empty string and a
+// warning.
 absl::StatusOr<std::string> PaintColors(const MeshFile& file, const WrittenPolygons& written,
                                         const OutputOptions& options, std::vector<OutputWarning>* warnings);
 

@@ -230,7 +230,7 @@ class LooksReader {
     return absl::OkStatus();
   }
 
-  // Of files without images of their own, or whose images are multiplied by them.
+  // Reads the vertex colours: instead of images in a file without any, else multiplied with its images.
   absl::Status ReadVertexColors() {
     PLANISH_ASSIGN_OR_RETURN(const std::vector<CornerColor> own, VertexColors(file_));
     if (own.empty()) return absl::OkStatus();

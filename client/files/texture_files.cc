@@ -76,13 +76,13 @@ int SideFor(double wanted, int least, const std::string& name, const TextureOpti
   return side;
 }
 
-// Of drawing an image of kind and size `old`, `file_bytes` long, into one of `header`. TEXTURE_MEMORY. `is_part`: the
-// new image exists already; otherwise the old one goes before the new one is there.
+// Checks that the memory suffices to draw an image `old`, of `file_bytes`, into one with `header`; else TEXTURE_MEMORY.
+// `is_part`: the new image exists already. Otherwise the old image is freed before the new one is allocated.
 absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const ImageHeader& old,
                          const ImageHeader& header, bool is_part, const TextureOptions& options) {
   const std::int64_t result = 2 * header.bytes() + 2 * header.texels();
-  const std::int64_t memory = file_bytes + TextureBaker::SourceBytes(old) +
-                              (is_part ? old.bytes() + result : std::max(old.bytes(), result));
+  const std::int64_t memory =
+      file_bytes + TextureBaker::SourceBytes(old) + (is_part ? old.bytes() + result : std::max(old.bytes(), result));
   if (options.memory == 0 || memory <= options.memory) return absl::OkStatus();
   return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
                    name + ": resampling " + std::to_string(old.width) + " x " + std::to_string(old.height) +
@@ -92,7 +92,7 @@ absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const
                    {{"image", name}, {"bytes", std::to_string(memory)}});
 }
 
-// `triangles` are those of `bake`, and a part of `all` (TextureGeometry).
+// `triangles`: of `bake`; `all` contains them (TextureGeometry).
 absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<const TextureTriangle> triangles,
                       std::span<const TextureTriangle> all, const TextureOptions& options, TextureBaker* baker) {
   TextureSource source;

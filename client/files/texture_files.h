@@ -45,7 +45,7 @@ struct TexturePart {
 };
 
 // Draws all parts into one image, called `name`. It has the kind of the old images if they are all of one kind, else
-// it is a PNG; `has_alpha`: an alpha channel. Its texel density is that of the densest old image; where constants or
+// it is a PNG; `has_alpha`: an alpha channel. It is as dense as the densest old image; where constants or
 // colours are painted, it is at least as large as the atlas was packed for. Warnings and errors as BakeImage().
 absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std::string& name, bool has_alpha,
                                       const TextureOptions& options, std::vector<OutputWarning>* warnings);

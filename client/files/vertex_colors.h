@@ -9,9 +9,9 @@
 
 namespace planish {
 
-// Per corner of file.mesh, in linear light; empty if the file has none. PLY: properties red, green, blue and alpha of
-// vertices, from 0 to 255 or to 1. OBJ: "v x y z r g b", from 0 to 1, or to 255 if a number is above 1. Both have them
-// as screens show them (sRGB). glTF: COLOR_0 times the base colour factor of the material.
+// Per corner of file.mesh, in linear light; empty if the file has no colours. PLY: properties red, green, blue and
+// alpha of vertices, from 0 to 255 or to 1. OBJ: "v x y z r g b", from 0 to 1, or to 255 if a number is above 1. Both
+// are sRGB. glTF: COLOR_0 times the base colour factor of the material.
 absl::StatusOr<std::vector<CornerColor>> VertexColors(const MeshFile& file);
 
 }  // namespace planish

@@ -359,7 +359,7 @@ class TextureDrawing {
                 static_cast<float>(0.5 + 0.5 * c.z()), value[3]};
   }
 
-  // In [0, 1]; what is no number is 0.
+  // Clamps to [0, 1]; NaN becomes 0.
   static float Unit(float value) { return value > 0 ? std::min(value, 1.0F) : 0; }
 
   void Store(Rgba value, std::uint8_t* out) const {

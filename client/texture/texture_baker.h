@@ -50,7 +50,7 @@ struct BakeOptions {
   // Colours are weighted with their alpha when they are filtered. Otherwise they are filtered each by itself.
   bool premultiplied = false;
   double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
-  // Of kNormal: the new image keeps that scale, for the renderer to undo. False: it is painted in.
+  // kNormal: whether the new image keeps the scale for the renderer to apply; otherwise the scale is painted in.
   bool keeps_normal_scale = true;
   // Each value becomes factor * value + offset: colours in linear light, and their alpha. Colours have no offset.
   std::array<float, 4> factor = {1, 1, 1, 1}, offset = {0, 0, 0, 0};

@@ -29,7 +29,7 @@ std::vector<std::int64_t> IdsIn(const std::string& text) {
 
 namespace {
 
-// The items of a list without those that it had before: several triangles may be one polygon of a file.
+// The list without repeated items: several triangles may belong to one polygon of a file.
 std::string EachOnce(const std::string& list) {
   std::vector<std::string> items;
   std::set<std::string> seen;

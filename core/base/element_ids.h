@@ -25,8 +25,8 @@ struct Renumbering {
   IdMap face;
 };
 
-// Renumbers the values under "vertex", "vertices", "edge", "edges", "face" and "faces". Of faces that get
-// the same id, such as the triangles of a polygon, one is kept.
+// Renumbers the values under "vertex", "vertices", "edge", "edges", "face" and "faces". Where several
+// faces get the same id, such as the triangles of a polygon, the id is listed once.
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering);
 

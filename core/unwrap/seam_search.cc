@@ -372,8 +372,8 @@ class SeamSearch {
     return 0;
   }
 
-  // Whether a way runs inside of the two charts beside a path, from outline to outline, as those of SeamRouter do. The
-  // mirror image of one may not, once that has become a seam.
+  // Whether a way runs inside the two charts beside a path, from outline to outline. The ways of SeamRouter do; the
+  // mirror image of such a way may not, once the way has become a seam.
   bool CanLeadTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way) const {
     const Gluing& gluing = segmentation_.gluing();
     const TriMesh& mesh = gluing.mesh();
