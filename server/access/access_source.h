@@ -14,7 +14,7 @@ namespace planish {
 // Thread-safe.
 class AccessSource {
  public:
-  // Errors of LoadAccessFile().
+  // Loads the file. Errors of LoadAccessFile().
   static absl::StatusOr<std::unique_ptr<AccessSource>> Open(const std::string& file);
 
   // The current table. A call keeps the table it got, also after a reload.

@@ -47,7 +47,7 @@ struct BlobEntry {
 //   NOT_FOUND with BLOB_NOT_FOUND
 //   DATA_LOSS with BLOB_DAMAGED              to the caller that found the damage; later ones get NOT_FOUND
 //   RESOURCE_EXHAUSTED with STORAGE_FULL     a disk or a quota is full
-//   RESOURCE_EXHAUSTED with OUT_OF_MEMORY    no descriptors, no memory: it passes
+//   RESOURCE_EXHAUSTED with OUT_OF_MEMORY    no descriptors or no memory at the moment
 //   UNAVAILABLE with STORE_UNAVAILABLE       the store cannot be reached, or does not answer in time
 //   INTERNAL                                 a bug, or a store that is set up wrong: the message says which
 class BlobStore {
@@ -95,13 +95,14 @@ class BlobStore {
   virtual absl::StatusOr<Found> OpenUnverified(const BlobId& id) = 0;
   // Stores the bytes durably. Returns their version; empty if another process put the blob meanwhile, which is kept.
   virtual absl::StatusOr<std::string> PutNew(const BlobId& id, std::string_view bytes) = 0;
-  // The same for a file. By default reads the file and removes it.
+  // Like PutNew() with the bytes of the file `path`. This default implementation reads the file, calls PutNew() and
+  // removes the file.
   virtual absl::StatusOr<std::string> PutNewFile(const BlobId& id, const std::string& path);
   // Removes the damaged bytes of this version, and no others.
   virtual absl::Status Drop(const BlobId& id, const std::string& version) = 0;
 
  private:
-  // Whether there is a good copy; renews it.
+  // Renews the blob and opens it. Returns whether the store has it undamaged.
   absl::StatusOr<bool> IsThere(const BlobId& id);
   // Reads all bytes. Copies them to `copy` unless null. Drops a blob that is found damaged twice.
   absl::Status Verify(const BlobId& id, const Found& found, char* copy);
