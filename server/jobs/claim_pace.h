@@ -20,8 +20,8 @@ inline constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  /
 // Renewals per lease duration.
 inline constexpr int kRenewalsPerLease = 3;
 
-// Interval between two requests of one kind when `servers` servers share the store and are together to make
-// `per_second` of them. Zero if that interval is less than `least`.
+// Interval between two requests of one server, if `servers` servers share the store and all of them together shall make
+// `per_second` requests of this kind. Zero if that interval is less than `least`.
 inline absl::Duration SharedPace(int servers, double per_second, absl::Duration least) {
   const absl::Duration pace = absl::Seconds(servers / per_second);
   return pace > least ? pace : absl::ZeroDuration();
@@ -68,7 +68,7 @@ class ClaimPace {
 
   const double place_;
   std::minstd_rand random_;
-  std::array<absl::Duration, kLast> last_ = {};  // at first: none queued
+  std::array<absl::Duration, kLast> last_ = {};  // queueing times of the last claims; zeros at first
   std::size_t count_ = 0;
 };
 

@@ -38,20 +38,21 @@ class JobAdmission {
 
   // JobManager::Create. `refusal`: why no new jobs are accepted; OK if they are.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request, const absl::Status& refusal);
-  // JobManager::CreateAll, likewise.
+  // JobManager::CreateAll. `refusal` as above.
   std::vector<absl::StatusOr<AcceptedJob>> CreateAll(const Caller& caller, std::vector<JobRequest> requests,
                                                      const absl::Status& refusal);
   // JobManager::Estimate.
   absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
                                            const v1::MeshSize& size) const;
 
-  // `array_vertices` as in JobRequest; `size` counts where the mesh does not say.
+  // The needs of a job with this mesh and these options. `array_vertices` as in JobRequest. `size`: the size of the
+  // mesh, used if `mesh` does not tell it. Errors of the estimator, MESH_TOO_LARGE and MEMORY_LIMIT.
   absl::StatusOr<JobNeeds> NeedsOf(const std::string& tenant, std::string_view mesh,
                                    std::optional<std::int64_t> array_vertices, std::int64_t mesh_bytes,
                                    v1::MeshSize size, const v1::UnwrapOptions& options) const;
-  // How much of a tenant may wait.
+  // The limits on waiting work that apply to a tenant.
   QueueLimits LimitsOf(const std::string& tenant) const;
-  // The place in the queue of a job that waits.
+  // The place of a waiting job in the queue.
   absl::StatusOr<int> PositionOf(const JobRecord& record) const;
   // Adds the counts of calls since the start to TenantStats and to ManagerStats::refused_by_reason.
   void AddCalls(std::map<std::string, TenantStats>* tenants, std::map<std::string, std::int64_t>* refused) const;
@@ -79,16 +80,16 @@ class JobAdmission {
   absl::StatusOr<Prepared> Prepare(const Caller& caller, JobRequest asked, const absl::Status& refusal);
   absl::StatusOr<AcceptedJob> AnswerPrepared(const Caller& caller, Prepared* prepared,
                                              absl::StatusOr<AcceptedChange> accepted);
-  // Counts a refusal and returns `answer`.
+  // Counts `answer` if it is a refusal. Returns `answer`.
   absl::StatusOr<AcceptedJob> Noted(const Caller& caller, absl::StatusOr<AcceptedJob> answer);
-  // The job that has the request id, if there is one.
+  // The job that has the request's id, if there is one.
   absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
                                                        const std::string& work_key);
   absl::StatusOr<AcceptedJob> AnswerKnown(const Caller& caller, const JobRequest& request, const std::string& work_key,
                                           JobRecord record);
   absl::StatusOr<AcceptedJob> AnswerNew(const JobRequest& request, AcceptedChange accepted,
                                         std::shared_ptr<JobEventLog> events, const StoredBlobPtr& uv);
-  // The newest result of this work that is still kept.
+  // The newest kept result of work with this key, if there is any.
   std::optional<KeptResult> FindResult(const std::string& work_key) const;
   JobRecord NewRecord(const Caller& caller, const JobRequest& request) const;
   // Asks the forecast, after making a new one if it is too old.

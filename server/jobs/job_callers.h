@@ -51,7 +51,8 @@ class JobCallers {
   // How long callers count as present after they attached or were renewed.
   static constexpr absl::Duration kBelieved = absl::Seconds(60);
 
-  // Counts one more caller. `known`: the store knows of it already, for instance because the job was just accepted.
+  // Counts one more caller of the job. `known`: the store already has a recent renewal of this job's callers, for
+  // instance because the job was just accepted.
   JobAttachment Attach(const std::string& name, bool known);
   // Tells the store that the callers of all attached jobs are still present. Call it a few times a second: most calls
   // do nothing.

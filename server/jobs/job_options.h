@@ -64,7 +64,7 @@ struct JobManagerOptions {
   std::int64_t memory_bytes = std::int64_t{1} << 60;   // reserved by all running jobs together
   std::size_t events_per_job = 256;                    // JobEventLog capacity
   absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
-  int max_attempts = 3;                                // attempts of a job, each lost with its worker or server, >= 1
+  int max_attempts = 3;                                // >= 1; a job fails after so many lost workers or servers
   absl::Duration retry_delay = absl::Seconds(1);       // in refusals for which no better delay is known
   // Lease of running work; renewed kRenewalsPerLease times per lease.
   absl::Duration lease = absl::Seconds(15);
@@ -106,7 +106,7 @@ class JobContext {
     limits_ = limits;
   }
 
-  // For each verb of the store.
+  // The context that each verb of the store is called with.
   VerbContext Verb() const { return {Limits().retained_time, options.max_attempts}; }
 
   JobCapacity Capacity() const {

@@ -73,8 +73,8 @@ absl::Status CheckScheduling(const v1::Scheduling& scheduling) {
   return CheckDuration("scheduling.compute_budget", scheduling.has_compute_budget(), scheduling.compute_budget());
 }
 
-// The same bytes for equal messages. Protobuf guarantees this only within one version of a program, which suffices for
-// a cache: another version computes the result again.
+// Serializes `message`; equal messages give the same bytes. Protobuf guarantees this only within one version of a
+// program, which suffices for a cache: another version computes the result again.
 std::string Deterministic(const google::protobuf::Message& message) {
   std::string bytes;
   google::protobuf::io::StringOutputStream stream(&bytes);

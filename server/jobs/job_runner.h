@@ -33,10 +33,10 @@ class JobRunner : public JobSource {
 
   // ---- for WorkerPool
 
-  // Waits until the store grants work to this owner. The work's jobs are RUNNING, and durably so, before it returns: an
-  // attempt that takes the machine down counts. The assignment is named after one of the jobs; attempts count 1, 2, ...
-  // for each piece of work. If a mesh cannot be read or the start cannot be written at the moment, no work starts until
-  // the retry delay has passed. Returns kOver after Stop().
+  // Waits until the store grants work to this owner. Before it returns, the store has durably noted that the work's
+  // jobs are RUNNING, so that an attempt counts even if it takes the machine down. The assignment is named after one of
+  // the jobs; attempts count 1, 2, ... for each piece of work. If a mesh cannot be read or the start cannot be written
+  // at the moment, no work starts until the retry delay has passed. Returns kOver after Stop().
   Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override;
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
@@ -56,7 +56,8 @@ class JobRunner : public JobSource {
 
   // ---- for callers
 
-  // RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at `work` has ended and that cannot be written at the moment.
+  // OK, or RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at `work` has ended and its end cannot be written at the
+  // moment.
   absl::Status CheckWritten(const std::string& work, const std::string& job) const;
   // Recent ratio of actual to estimated seconds of work.
   double seconds_factor() const { return seconds_factor_; }
@@ -64,7 +65,7 @@ class JobRunner : public JobSource {
   int running() const;
   const std::string& owner() const { return owner_; }
 
-  // The mesh, and the seams if there are any. NOT_FOUND or DATA_LOSS if either is lost.
+  // The job's mesh, and its mesh elements if there are any. NOT_FOUND or DATA_LOSS if either is lost.
   absl::StatusOr<std::vector<BlobPtr>> LoadBlobs(const JobRecord& record);
   // The error of a job whose LoadBlobs() failed with `why`.
   static absl::Status MeshLost(const absl::Status& why);
@@ -105,11 +106,12 @@ class JobRunner : public JobSource {
     absl::Duration duration;
   };
 
-  // Null if that attempt has ended, or its end is being written. Requires mutex_.
+  // This attempt; null if it has ended, or its end is being written. Requires mutex_.
   Attempt* Find(const std::string& name, int attempt);
   // Claims work for all threads that wait. Requires `lock`, which is released meanwhile.
   void Claim(std::unique_lock<std::mutex>* lock);
-  // Fills in what a worker needs. False if that is not possible: then the work was released, or its jobs have failed.
+  // Fills *assignment for a worker. False if a mesh cannot be read; then the work was released, or its jobs have
+  // failed.
   bool Prepare(const ClaimedWork& work, JobAssignment* assignment);
   // Starts no work until the retry delay has passed, because of `why`.
   void Postpone(const absl::Status& why);
@@ -124,7 +126,8 @@ class JobRunner : public JobSource {
   absl::Duration ReportInterval() const;
   // Writes the pending progress, unless another thread does.
   void WriteProgress(const std::string& work);
-  // Starts the end of the attempt, with its pending progress. Empty if this process no longer has the lease.
+  // Begins to end the attempt: returns its Ending, with its pending progress. Nullopt if this process no longer has the
+  // lease.
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);
   // Writes the end and tells the watchers. If that fails, Tick() tries again.
   void End(Ending ending);

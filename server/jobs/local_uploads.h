@@ -27,8 +27,8 @@ struct LocalUploadsOptions {
   FileLayer* files = FileLayer::System();  // for marks of complete uploads
 };
 
-// An upload under way is a file, and a complete one an empty file, its mark. The name of each has all data about the
-// upload beside its bytes, so that data and bytes never disagree after a crash.
+// An upload under way is a file with its bytes; a complete one is an empty file, its mark. The file's name has all
+// other data about the upload, so that data and bytes never disagree after a crash.
 class LocalUploads : public UploadPlace {
  public:
   explicit LocalUploads(LocalUploadsOptions options) : options_(std::move(options)) {}
@@ -51,7 +51,7 @@ class LocalUploads : public UploadPlace {
     std::shared_ptr<UploadFile> file;  // until complete
   };
 
-  // `suffix`: that of uploads under way, or that of complete ones.
+  // The path of the upload's file. `suffix`: ".part" for an upload under way, ".done" for a complete one.
   std::string PathOf(const UploadState& state, const char* suffix) const;
   absl::Status Recover(const std::string& file_name, const std::function<bool(const BlobId& id)>& has_blob);
   absl::Status MarkComplete(const UploadState& state);
@@ -59,7 +59,7 @@ class LocalUploads : public UploadPlace {
 
   const LocalUploadsOptions options_;
   std::mutex mutex_;
-  // Guarded by mutex_; by id.
+  // By id. Guarded by mutex_.
   std::unordered_map<std::string, Entry> entries_;
 };
 

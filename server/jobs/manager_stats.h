@@ -17,7 +17,7 @@ struct WaitingJobs {
   absl::Duration longest;  // time since the oldest of them was accepted; 0 if there are none
 };
 
-// Current numbers; counts are since the start of this process.
+// Current numbers. `accepted`, `refused` and `shared` count since the start of this process.
 struct TenantStats {
   std::string tenant;
   int queued = 0;  // waiting jobs, including those that share work

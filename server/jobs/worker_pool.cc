@@ -18,7 +18,7 @@ namespace {
 using worker::v1::FromWorker;
 using Wait = WorkerLink::Wait;
 
-// Not affected by changes of the machine's clock.
+// Measures time; changes of the machine's clock do not affect it.
 class Stopwatch {
  public:
   void Restart() { start_ = std::chrono::steady_clock::now(); }

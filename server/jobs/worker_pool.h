@@ -73,7 +73,7 @@ class WorkerPool {
   // Starts the workers. `source` must outlive the pool.
   WorkerPool(JobSource* source, WorkerFactory factory, WorkerPoolOptions options);
 
-  // Waits for running jobs. Make TakeNext() return before.
+  // Waits for running jobs. Before, make JobSource::TakeNext() return kOver.
   ~WorkerPool();
 
   // Changes WorkerPoolOptions::recycle_after. Thread-safe.
@@ -90,7 +90,7 @@ class WorkerPool {
   // Time left until first_limit, at least 0.
   absl::Duration FirstTimeLeft() const;
 
-  // Whether the pool ends before `duration` is over.
+  // Waits for `duration`, or until the pool ends. Returns whether it ends.
   bool EndsWithin(absl::Duration duration);
 
   JobSource* const source_;

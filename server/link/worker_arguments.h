@@ -27,7 +27,7 @@ struct WorkerArguments {
 // "--worker-fd=3" and so on.
 std::vector<std::string> ToCommandLine(const WorkerArguments& arguments);
 
-// Empty if this is not the command line of a worker. That begins with --worker-fd.
+// Nullopt if this is not the command line of a worker, which begins with --worker-fd.
 std::optional<WorkerArguments> ParseWorkerArguments(int argc, const char* const* argv);
 
 // "auto", "require", "off".

@@ -208,7 +208,7 @@ class HttpEndpoint::Server : public httplib::Server {
     if (connection.phase == Phase::kWriting && !Write(&connection)) Close(found);
   }
 
-  // False if the other side has closed, or the connection failed.
+  // Reads what has arrived. False if the other side has closed, or the connection failed.
   static bool Read(Connection* connection) {
     char bytes[2048];
     while (connection->bytes.size() < kMostRequestBytes) {
@@ -222,7 +222,7 @@ class HttpEndpoint::Server : public httplib::Server {
     return true;
   }
 
-  // False if everything is written, or the connection failed.
+  // Writes as much as possible. False if everything is written, or the connection failed.
   static bool Write(Connection* connection) {
     while (connection->sent < connection->bytes.size()) {
       const ssize_t count = send(connection->socket, connection->bytes.data() + connection->sent,
@@ -311,7 +311,7 @@ class HttpEndpoint::Server : public httplib::Server {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  // Guarded by mutex_; both by the connection's number.
+  // Guarded by mutex_. Requests and answers are paired with the number of their connection.
   std::deque<std::pair<std::uint64_t, std::string>> requests_;
   std::vector<std::pair<std::uint64_t, std::string>> answers_;
   bool ending_ = false;

@@ -96,7 +96,7 @@ class PatientQuestion {
   std::optional<Clock::time_point> begun_at_;  // of the running question
   std::optional<Answer> answer_;
   bool ending_ = false;
-  std::thread thread_;  // last: it uses the others
+  std::thread thread_;  // the last member, since the thread uses the others
 };
 
 }  // namespace planish

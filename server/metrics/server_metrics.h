@@ -62,7 +62,7 @@ class ServerMetrics : public JobObserver {
     bool submits = false;  // makes a job or an upload, or adds to an upload
   };
   // `call` is the name of one of the server's methods, or "OTHER": otherwise each name that a caller invents would
-  // become a label. `reason`: the reason of its error, or "".
+  // become a label. `reason`: the reason of the call's error; "" if it has none.
   void OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason, absl::Duration duration,
                    const CallTraits& traits);
 
