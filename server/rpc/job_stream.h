@@ -36,7 +36,7 @@ class JobStream {
     kHold,    // no progress now: kWait
   };
 
-  // Bytes of UV in a message. A reader that does not read costs twice this: the message and its wire form.
+  // Bytes of UV in a message. A caller that does not read costs twice this: the message and its wire form.
   static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
@@ -52,7 +52,7 @@ class JobStream {
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
-  bool told_end_ = false;  // with a sequence number made here
+  bool told_end_ = false;  // the last event was sent with a sequence number made here
   bool job_ended_ = false;
   absl::Status status_;
 };

@@ -48,8 +48,8 @@ struct RpcServerOptions {
 // Thread-safe.
 class RpcServer {
  public:
-  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE if an address cannot be used; the
-  // message has the address and the reason.
+  // Starts to serve `services`, which must outlive the server. UNAVAILABLE if an address cannot be used; the message
+  // has the address and the reason.
   static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
                                                           const std::vector<RpcService*>& services);
 
@@ -63,7 +63,7 @@ class RpcServer {
   // is SERVING until Shutdown().
   void SetReady(bool ready);
 
-  // Whether a health check, made from inside this process, is answered within `limit`.
+  // Makes a health check from inside this process. Returns whether it is answered within `limit`.
   bool Answers(absl::Duration limit);
 
   // Refuses new calls, waits for running ones until `deadline`, then ends them. Removes socket files.

@@ -15,7 +15,8 @@
 namespace planish {
 namespace {
 
-// As long as the kernel allows (net.core.somaxconn): after a restart hundreds of clients come back at once.
+// Connections that may wait to be accepted: after a restart hundreds of clients come back at once. The kernel lowers
+// the number to net.core.somaxconn.
 constexpr int kBacklog = 4096;
 
 // Pause after accept() failed for lack of descriptors or memory.

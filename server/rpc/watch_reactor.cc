@@ -74,7 +74,7 @@ class WatchReactor : public Call {
     absl::StatusOr<OpenedJob> opened = open_(info(), message);
     if (!opened.ok()) return End(opened.status());
     const std::weak_ptr<WatchReactor> weak = Self();
-    // busy_ is set here, so OnEnd() cannot run meanwhile.
+    // busy_ is still set, so OnEnd() cannot run meanwhile.
     subscription_ = opened->job.events->Subscribe([weak] {
       if (const auto alive = weak.lock()) alive->Pump();
     });
@@ -168,7 +168,7 @@ class WatchReactor : public Call {
   const JobOpener open_;
   const StreamTasks tasks_;
   const StreamSurroundings surroundings_;
-  bool is_counted_ = false;  // in streams; from OnMessage() on
+  bool is_counted_ = false;  // by the StreamCounter; from OnMessage() on
 
   // Set by Open(), dropped by OnEnd().
   JobEventLog::Subscription subscription_;
