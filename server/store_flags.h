@@ -48,7 +48,7 @@ absl::Status CheckStore(const StoreFlags& flags);
 
 // The parts of a StoreFlags::blobs that begins with "s3://".
 struct S3Place {
-  std::string bucket, prefix;  // of all keys, without a slash at either end; may be empty
+  std::string bucket, prefix;  // the prefix of all keys has no slash at either end, and may be empty
 };
 absl::StatusOr<S3Place> ParseS3Place(const std::string& blobs);
 

@@ -39,7 +39,7 @@ struct WorkControl {
 
 struct WorkOutcome {
   worker::v1::WorkResult result;
-  BlobPtr uv;  // the UV bytes; null unless it succeeded
+  BlobPtr uv;  // the UV bytes; null unless the work succeeded
 };
 
 // The error of a job whose worker ran out of memory: RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
