@@ -13,7 +13,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// The actions behind planish.admin.v1.Admin. Thread-safe.
 class Admin {
  public:
   // The arguments must outlive this object.

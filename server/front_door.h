@@ -18,7 +18,8 @@
 
 namespace planish {
 
-// Must outlive the RpcServer that it configured. Thread-safe.
+// Reads the files that the flags name, and reloads them when they change. Must outlive the RpcServer that it
+// configured. Thread-safe.
 class FrontDoor {
  public:
   // Reads and checks all files. INVALID_ARGUMENT says what is wrong with them.

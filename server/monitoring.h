@@ -112,7 +112,7 @@ class Monitoring {
   std::chrono::steady_clock::time_point next_probe_;  // used by Beat() only
 
   std::mutex start_mutex_;
-  std::string start_error_;  // of the last start of a worker, "" if it succeeded; guarded by start_mutex_
+  std::string start_error_;  // why the last start of a worker failed, or ""; guarded by start_mutex_
 
   mutable std::shared_mutex mutex_;
   std::optional<WatchedServer> server_;  // guarded by mutex_

@@ -32,7 +32,7 @@ struct StoreFlags {
   std::string s3_region = "us-east-1";
   std::string s3_credentials;  // empty: from the environment
   std::string s3_ca;           // empty: the CAs of the system
-  double lease_seconds = 15;   // of running work, > 0
+  double lease_seconds = 15;   // duration of the leases of running work, > 0
 
   // Whether other servers may use the same store.
   bool is_farm() const { return !url.empty(); }

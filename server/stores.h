@@ -33,8 +33,8 @@ using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& f
 // Later members use earlier ones.
 struct Stores {
   FarmStores farm;                         // all null without --store
-  std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
-  std::unique_ptr<DiskRoom> disk;          // of a data directory
+  std::optional<DataDirectory> directory;  // the data directory, if the flags name one
+  std::unique_ptr<DiskRoom> disk;          // null without a data directory
   std::unique_ptr<JobStore> own_jobs;      // null in a farm
   std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;

@@ -51,7 +51,7 @@ int LineOf(const YAML::Node& node) {
 struct Item {
   YAML::Node node;
   std::string key;  // "tenants.lighting.queue"
-  int line;         // of the key, if it has one; 0: unknown
+  int line;         // of the key, or of the value if it has no key; 0: unknown
 };
 
 class Parser {

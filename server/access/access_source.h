@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// The access file of a server as it was last read. Thread-safe.
 class AccessSource {
  public:
   // Loads the file. Errors of LoadAccessFile().

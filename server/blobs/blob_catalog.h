@@ -114,7 +114,7 @@ class BlobCatalog {
     std::int64_t number = 0;  // distinguishes it from earlier and later entries of the same id
     std::int64_t bytes = 0;
     Place place = Place::kMemory;
-    StoredBlobPtr kept;                    // kMemory, kPending
+    StoredBlobPtr kept;                    // kMemory, kPending: the blob
     std::weak_ptr<const StoredBlob> open;  // kRow, kStore: the blob while somebody uses it
     int opening = 0;                       // callers that are opening it
     bool verified = false;                 // kRow: whether this process has verified its bytes

@@ -91,7 +91,7 @@ class BlobStore {
     std::string version;
   };
 
-  // NOT_FOUND if there is no such blob.
+  // Opens the blob without verifying its bytes. NOT_FOUND if there is no such blob.
   virtual absl::StatusOr<Found> OpenUnverified(const BlobId& id) = 0;
   // Stores the bytes durably. Returns their version; empty if another process put the blob meanwhile, which is kept.
   virtual absl::StatusOr<std::string> PutNew(const BlobId& id, std::string_view bytes) = 0;
@@ -121,7 +121,7 @@ class BlobStore {
 absl::StatusOr<std::int64_t> CollectBlobs(BlobStore* store, absl::Duration min_age,
                                           const std::function<absl::StatusOr<bool>(const BlobId& id)>& is_used);
 
-// NOT_FOUND with BLOB_NOT_FOUND; DATA_LOSS with BLOB_DAMAGED.
+// The errors NOT_FOUND with BLOB_NOT_FOUND, and DATA_LOSS with BLOB_DAMAGED.
 absl::Status BlobNotFound(const BlobId& id);
 absl::Status BlobDamaged(const BlobId& id, const std::string& how);
 

@@ -39,7 +39,7 @@ class TenantRoom {
   const std::int64_t max_bytes_;
   const TenantLimitsSource limits_;
   std::int64_t bytes_ = 0;
-  std::map<std::string, std::int64_t> tenant_bytes_;  // of tenants with any
+  std::map<std::string, std::int64_t> tenant_bytes_;  // by tenant, without zeros
 };
 
 }  // namespace planish

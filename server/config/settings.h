@@ -68,7 +68,7 @@ class Settings {
   CLI::App* const app_;
   const std::string prefix_;
   std::map<std::string, Entry> entries_;  // by key
-  std::vector<std::string> order_;        // keys as defined
+  std::vector<std::string> order_;        // keys in the order of their definition
 };
 
 }  // namespace planish

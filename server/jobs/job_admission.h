@@ -71,11 +71,11 @@ class JobAdmission {
     std::optional<AcceptedJob> known;  // an existing job with this request id; then the rest is empty
     JobRequest request;
     std::string work_key;
-    BlobHold mesh_hold, elements_hold;  // until the record refers to them
+    BlobHold mesh_hold, elements_hold;  // keep these blobs until the record refers to them
     std::vector<StoredBlobPtr> blobs;
     NewJob job;
     std::shared_ptr<JobEventLog> events;
-    StoredBlobPtr uv;  // of NewJob::result_of
+    StoredBlobPtr uv;  // the UV of the job NewJob::result_of; null: none
   };
   absl::StatusOr<Prepared> Prepare(const Caller& caller, JobRequest asked, const absl::Status& refusal);
   absl::StatusOr<AcceptedJob> AnswerPrepared(const Caller& caller, Prepared* prepared,
@@ -109,7 +109,7 @@ class JobAdmission {
   std::map<std::string, Calls> calls_;  // of each tenant, since the start
   std::map<std::string, std::int64_t> refused_by_reason_;
   mutable std::optional<QueueForecast> forecast_;
-  mutable absl::Time forecast_time_ = absl::InfinitePast();  // by the steady clock
+  mutable absl::Time forecast_time_ = absl::InfinitePast();  // when forecast_ was made, by the steady clock
   mutable absl::Duration forecast_cost_;                     // time that making the forecast took
 };
 

@@ -16,8 +16,8 @@ class JobCallers;
 // Why a caller leaves.
 enum class Parting {
   kMayReturn,  // the connection was lost: the grace period begins
-  kForGood,    // its deadline passed
-  kJobEnded,   // it received the job's end: nothing needs to be written
+  kForGood,    // the caller's deadline passed
+  kJobEnded,   // the caller received the job's end: nothing needs to be written
 };
 
 // One caller of a job. When the last caller leaves and nobody detached the job, the job is cancelled unless another
@@ -69,7 +69,7 @@ class JobCallers {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<std::string, int> callers_;              // of each job
+  std::map<std::string, int> callers_;              // number of callers, by job
   absl::Time next_renewal_ = absl::InfinitePast();  // by the steady clock
   // How far the store's clock was ahead of the steady clock at the last check.
   absl::Duration store_ahead_;

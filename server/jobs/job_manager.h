@@ -186,11 +186,11 @@ class JobManager {
   JobAdmission admission_;
 
   std::atomic<bool> draining_ = false;
-  std::atomic<bool> ending_ = false;  // cannot be taken back
+  std::atomic<bool> ending_ = false;  // drains for the shutdown, so Undrain() fails
   std::atomic<bool> suspended_ = false;
 
-  absl::Time next_look_ = absl::InfinitePast();     // of Tick(); used by its thread only
-  absl::Time next_tidying_ = absl::InfinitePast();  // of Tidy(), in the same way
+  absl::Time next_look_ = absl::InfinitePast();     // used by the thread of Tick() only
+  absl::Time next_tidying_ = absl::InfinitePast();  // used by the thread of Tidy() only
 
   std::mutex mutex_;
   std::function<void()> on_idle_;  // guarded by mutex_

@@ -37,7 +37,7 @@ struct JobRequest {
   std::string bytes;        // of the mesh: Draco, or arrays as a worker gets them (planish.worker.v1.WorkRequest)
   BlobPtr mesh;             // in place of `bytes`: a mesh that the server already has
   std::string mesh_sha256;  // of `mesh`; empty: unknown
-  std::optional<std::int64_t> array_vertices;  // if the mesh comes as arrays
+  std::optional<std::int64_t> array_vertices;  // number of vertices, if the mesh comes as arrays
   v1::MeshElements elements;
   v1::UnwrapOptions options;
   v1::Scheduling scheduling;

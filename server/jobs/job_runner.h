@@ -82,7 +82,7 @@ class JobRunner : public JobSource {
  private:
   struct Attempt {
     ClaimedWork work;    // as claimed
-    absl::Time start;    // by the steady clock
+    absl::Time start;    // when the attempt began, by the steady clock
     absl::Time renewed;  // time of the last renewal of the lease, by the steady clock
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
@@ -90,7 +90,7 @@ class JobRunner : public JobSource {
     bool look = false;        // the desired state in the store may have changed
     absl::Time obey_by = absl::InfiniteFuture();
     std::vector<v1::Progress> progress;  // not written yet
-    absl::Time reported;                 // by the steady clock
+    absl::Time reported;                 // when progress was last written, by the steady clock
     bool reporting = false;              // a thread is writing progress
     bool ended = false;                  // a thread is writing the end, or it is in unwritten_
   };
@@ -99,10 +99,10 @@ class JobRunner : public JobSource {
   struct Ending {
     ClaimedWork work;
     AttemptOutcome outcome;
-    BlobPtr uv_bytes;  // until they are stored; null: none
+    BlobPtr uv_bytes;  // the UV until they are stored; null: none
     StoredBlobPtr uv;
-    BlobHold hold;    // of the UV
-    WorkerLoss loss;  // with AttemptOutcome::loss or memory_bytes
+    BlobHold hold;    // keeps the UV from being collected
+    WorkerLoss loss;  // set if the attempt was lost or needs more memory
     absl::Duration duration;
   };
 

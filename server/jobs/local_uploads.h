@@ -48,7 +48,7 @@ class LocalUploads : public UploadPlace {
  private:
   struct Entry {
     UploadState state;
-    std::shared_ptr<UploadFile> file;  // until complete
+    std::shared_ptr<UploadFile> file;  // null once the upload is complete
   };
 
   // The path of the upload's file. `suffix`: ".part" for an upload under way, ".done" for a complete one.

@@ -93,8 +93,8 @@ struct UploadedMesh {
 // The result of UploadStore::Gauges().
 struct UploadGauges {
   // Current, or as of the last answer of the place.
-  int open = 0;                      // under way
-  std::int64_t announced_bytes = 0;  // by the uploads under way
+  int open = 0;                      // uploads under way
+  std::int64_t announced_bytes = 0;  // bytes that these uploads announced
   // Counts of this store since it was made.
   std::int64_t received_bytes = 0;    // bytes that the uploads did not have yet
   std::int64_t complete_at_once = 0;  // uploads of meshes that the server already had
@@ -108,15 +108,15 @@ class UploadStore {
   UploadStore(UploadStoreOptions options, BlobCatalog* blobs);
 
   // Called, without a lock held, when an upload is complete and the store is full. Returns whether it made room for
-  // `bytes` of this tenant. Call it before any other function.
+  // `bytes` of this tenant. Call SetMakeRoom() before any other function.
   using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
   void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
-  // Called, without a lock held, to check that the disk has room for `bytes` that this tenant is about to send. Call it
-  // before any other function.
+  // Called, without a lock held, to check that the disk has room for `bytes` that this tenant is about to send. Call
+  // SetCheckDisk() before any other function.
   using CheckDisk = std::function<absl::Status(const std::string& tenant, std::int64_t bytes)>;
   void SetCheckDisk(CheckDisk check_disk) { check_disk_ = std::move(check_disk); }
 
-  // Finds the uploads that an earlier process left. Call it before all other functions but the two above.
+  // Finds the uploads that an earlier process left. Call it before all other functions except the two above.
   absl::Status Open();
 
   // The tenant's upload with the same request id (ALREADY_EXISTS with REQUEST_ID_REUSED if that announced other bytes),

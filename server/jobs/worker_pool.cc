@@ -267,8 +267,8 @@ class WorkerPool::Seat {
   JobSource& source_;
 
   std::shared_ptr<WorkerLink> link_;  // null, or a worker that is ready or has a job
-  int jobs_ = 0;                      // jobs it served
-  std::string traceparent_;           // of its last job
+  int jobs_ = 0;                      // jobs that the worker has served
+  std::string traceparent_;           // of the worker's last job
   Stopwatch since_ready_;
 
   // State of the running job.

@@ -91,7 +91,7 @@ class ProcessWorkerLink : public WorkerLink {
       case FrameSocket::Wait::kFrame:
         break;
     }
-    words_ = Descriptor();  // it is ready
+    words_ = Descriptor();  // the worker is ready
     received->message.Clear();
     received->blob = nullptr;
     if (!received->message.ParseFromString(frame.bytes) ||

@@ -10,8 +10,8 @@ namespace planish {
 // Whether a worker closes its sandbox, which takes away files, the network and everything else that it does not need
 // (server/worker/sandbox.h).
 enum class SandboxMode {
-  kAuto,     // if the kernel supports it
-  kRequire,  // otherwise the worker does not start
+  kAuto,     // closes it if the kernel supports that
+  kRequire,  // does not start if the kernel does not support it
   kOff,
 };
 

@@ -126,8 +126,8 @@ class HttpEndpoint::Server : public httplib::Server {
     int socket = -1;
     Phase phase = Phase::kReading;
     Clock::time_point request_by, close_by;
-    std::string bytes;     // of the request, then of the answer
-    std::size_t sent = 0;  // of the answer
+    std::string bytes;     // the request as far as it has arrived, then the answer
+    std::size_t sent = 0;  // bytes of the answer that were sent
   };
   using Connections = std::map<std::uint64_t, Connection>;  // by number, so the oldest comes first
 

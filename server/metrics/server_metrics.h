@@ -45,7 +45,7 @@ class ServerMetrics : public JobObserver {
   void OnAccepted(const v1::Job& job, JobOrigin origin) override;
   void OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult& result, absl::Duration duration) override;
   void OnWorkLost(const v1::Job& job, const WorkerLoss& loss, int retried, absl::Duration duration) override;
-  // For JobManagerOptions::on_transition.
+  // Counts a change of state. For JobManagerOptions::on_transition.
   void OnTransition(const v1::Job& job);
   void OnStoreError();
 

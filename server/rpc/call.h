@@ -27,7 +27,7 @@ namespace planish {
 struct EndedCall {
   std::string call;  // the method's name, e.g. "CreateJob"; "OTHER" if this server has no such method
   absl::StatusCode code = absl::StatusCode::kOk;
-  std::string reason;  // the reason of its error; empty: none
+  std::string reason;  // the reason of the call's error; empty: none
   // The full message of its error, if ToCallStatus() withheld part of it from the caller; else empty.
   std::string hidden;
   absl::Duration duration;

@@ -16,7 +16,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// Finds the caller of a call by its credentials. Thread-safe.
 class CallerSource {
  public:
   virtual ~CallerSource() = default;
@@ -30,8 +30,8 @@ class CallerSource {
 std::unique_ptr<CallerSource> NewOpenCallerSource();
 
 struct CallerRules {
-  // Both must outlive the source. access null: there is no access file. peers null: users of Unix sockets are not
-  // checked.
+  // `access` and `peers` must outlive the source. access null: there is no access file. peers null: users of Unix
+  // sockets are not checked.
   const AccessSource* access = nullptr;
   const PeerUsers* peers = nullptr;
   std::function<absl::Time()> now = absl::Now;

@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// Not thread-safe.
+// Turns the log of a job into the messages for one caller. Not thread-safe.
 class JobStream {
  public:
   // Fields as in planish.v1.WatchJobRequest.
@@ -33,7 +33,7 @@ class JobStream {
   enum class Pace {
     kAll,     // every event is sent
     kNewest,  // only the newest event that was not sent yet
-    kHold,    // no progress now: kWait
+    kHold,    // no progress now: Next() returns kWait instead
   };
 
   // Bytes of UV in a message. A caller that does not read costs twice this: the message and its wire form.

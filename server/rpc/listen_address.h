@@ -11,7 +11,7 @@ namespace planish {
 struct ListenAddress {
   std::string text;       // as given, for people
   std::string unix_path;  // empty for TCP
-  std::string grpc;       // in gRPC's form
+  std::string grpc;       // the address in gRPC's form
 };
 
 // Parses an address. INVALID_ARGUMENT with a message that names `text`.

@@ -24,7 +24,7 @@ class PeerUsers {
   // numbers left. Then `fd` is closed.
   int Add(int fd);
 
-  // Like Add(), for the user `uid`; for tests.
+  // Add() for a descriptor of the user `uid`, whatever the kernel says; for tests.
   int AddAs(int fd, std::uint32_t uid);
 
   // The uid for a grpc::ServerContext::peer(); empty if that is not a Unix socket.

@@ -43,7 +43,7 @@ void Configure(grpc::ServerBuilder* builder) {
   // grow to 4 MiB.
   builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, static_cast<int>(ReadWatch::kLookaheadBytes));
-  // Otherwise two servers on one port would share its connections at random.
+  // Without this, two servers on one port would share its connections at random.
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   // A caller whose machine vanished is detected within kKeepaliveMs + kKeepaliveTimeoutMs, and its job is cancelled.
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);

@@ -34,7 +34,7 @@ struct RpcServerOptions {
   std::int64_t upload_chunk_bytes = 0;  // data in one message of an upload; 0: 1 MiB
   CallListener on_call;                 // may be null
 
-  // For all TCP addresses; null: plaintext. Unix sockets never need it.
+  // Certificate and key for all TCP addresses; null: plaintext. Unix sockets never need them.
   std::shared_ptr<TlsIdentity> tls;
   // Records which users connect to Unix sockets. Must outlive the server's Shutdown(). May be null.
   PeerUsers* peers = nullptr;
@@ -45,7 +45,7 @@ struct RpcServerOptions {
   std::int64_t quota_bytes = 0;
 };
 
-// Thread-safe.
+// A running gRPC server with its addresses. Thread-safe.
 class RpcServer {
  public:
   // Starts to serve `services`, which must outlive the server. UNAVAILABLE if an address cannot be used; the message

@@ -74,7 +74,7 @@ class TlsIdentity::Credentials : public grpc::ServerCredentials {
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
 
  private:
-  // One for each listener, since gRPC remembers a configuration by listener.
+  // The configuration that a listener has: gRPC remembers it by listener.
   struct Listener {
     std::shared_ptr<const Current> current;
     std::mutex mutex;

@@ -49,7 +49,7 @@ class WaitReactor : public Call {
       events_ = events;
     }
     Check(*events);
-    // Set without the lock, since an alarm that is due may fire on this thread.
+    // Sets the alarm without the lock, since an alarm that is due may fire on this thread.
     alarm_.Set(absl::ToChronoTime(absl::Now() + wait->timeout), [weak](bool) {
       if (const auto alive = weak.lock()) alive->Settle(absl::OkStatus());
     });

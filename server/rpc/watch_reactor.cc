@@ -120,7 +120,7 @@ class WatchReactor : public Call {
       }
       busy_ = true;  // stays set if this is the end
     }
-    // Without the lock, since gRPC may react on this very thread. After End() `this` may be gone.
+    // This runs without the lock, since gRPC may react on this very thread. After End() `this` may be gone.
     if (step == JobStream::Step::kEnd) {
       End(status);
     } else {

@@ -247,7 +247,7 @@ class Claimer {
     const double share = ShareOf(limits);
     const std::int64_t charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
     TenantAccount& account = accounts_.tenants[tenant];
-    // Until one of its attempts ended, the tenant may have been waiting because of its own `running` limit.
+    // If this work takes the tenant to its own limit, the tenant may have been waiting for one of its attempts to end.
     std::int64_t& reserved = reserved_[tenant];
     reserved += row.memory_bytes;
     const bool was_held_back = (limits.running >= 0 && account.running + 1 >= limits.running) ||
@@ -304,13 +304,13 @@ class Claimer {
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // includes the chosen work
   std::vector<LockedWork> chosen_;
-  std::set<std::string> passed_by_, counted_;     // tenants
+  std::set<std::string> passed_by_, counted_;     // names of tenants
   std::map<std::string, std::int64_t> reserved_;  // reserved memory of the counted tenants
   // Locked work of a tenant.
   struct Fetched {
-    std::deque<LockedWork> heads;  // not chosen, in order
+    std::deque<LockedWork> heads;  // not chosen yet, in order
     std::set<std::string> names;   // of all locked work
-    bool all = false;              // whether the tenant has no more
+    bool all = false;              // whether the tenant has no more waiting work
   };
   std::map<std::string, Fetched> fetched_;
   std::int64_t longest_short_ = std::numeric_limits<std::int64_t>::max();  // nanoseconds

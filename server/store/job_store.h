@@ -55,7 +55,7 @@ using JobRecord = store::v1::JobRecord;
 
 // Settings of the server that calls a verb.
 struct VerbContext {
-  absl::Duration retained_time = absl::InfiniteDuration();  // until Job.expire_time, for jobs that succeed
+  absl::Duration retained_time = absl::InfiniteDuration();  // from a job's success to its Job.expire_time
   int max_attempts = 3;                                     // after so many lost workers or servers a job fails
 };
 
@@ -87,16 +87,16 @@ struct WorkRow {
   std::int64_t turn_time = 0;
   std::int64_t memory_bytes = 0;
   std::int64_t mesh_bytes = 0;
-  std::int64_t run_time = 0;  // expected; a duration
+  std::int64_t run_time = 0;  // expected run time, a duration
   bool alone = false;         // its owner must run nothing else beside it
   Wish wish = Wish::kGoOn;
-  // Set while it runs. `attempt` also stays after a loss.
+  // The following are set while the work runs. `attempt` also stays after a loss.
   std::string owner;
   int attempt = 0;
   std::int64_t lease_until = 0;
   std::int64_t start_time = 0;
-  std::int64_t charge = 0;         // TenantAccount::charged
-  std::int64_t share = 1'000'000;  // of the tenant when it was claimed, in millionths
+  std::int64_t charge = 0;         // what the work adds to TenantAccount::charged
+  std::int64_t share = 1'000'000;  // the tenant's share when the work was claimed, in millionths
 
   bool operator==(const WorkRow&) const = default;
 };
@@ -112,7 +112,7 @@ struct NewJob {
   // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is
   // set.
   JobRecord record;
-  absl::Duration run_time;            // expected for its work; 0: not known
+  absl::Duration run_time;            // expected run time of the job's work; 0: not known
   std::optional<QueueLimits> limits;  // apply if the job is new work; empty: no limits
   absl::Duration callers_for;         // for an attached record: sets JobRecord.callers_until, counted from now
   std::vector<BlobRow> blobs;         // small blobs of the job
@@ -162,7 +162,7 @@ struct AttemptOutcome {
     bool is_final = false;                        // another attempt would be lost as well
   };
 
-  std::vector<v1::Progress> progress;  // not reported yet
+  std::vector<v1::Progress> progress;  // progress that was not reported yet
   google::rpc::Status status;          // the worker's answer: OK, CANCELLED, or an error
   v1::Report report;                   // with OK
   v1::UvDescription uv;                // with OK
@@ -222,7 +222,7 @@ struct QueueCounts {
 };
 
 struct JobTotals {
-  std::map<std::string, TenantTotals> tenants;  // that have records
+  std::map<std::string, TenantTotals> tenants;  // tenants that have records
 };
 
 struct JobStoreOptions {

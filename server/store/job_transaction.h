@@ -119,11 +119,11 @@ class JobTransaction {
   };
   absl::StatusOr<Locked> LockJob(const std::string& name);
 
-  // After all jobs of the work are saved: updates its row, or deletes it if no job is left. The lease in `work->row`
-  // stays while one of its jobs is leased.
+  // Call it after all jobs of the work are saved: updates the work's row, or deletes it if no job is left. The lease in
+  // `work->row` stays while one of its jobs is leased.
   absl::Status Settle(LockedWork* work);
-  // Before work of a tenant without waiting work is added: raises the tenant to the virtual time (fair_share.h). No
-  // effect if the tenant has waiting work.
+  // Call it before work of a tenant without waiting work is added: raises the tenant to the virtual time
+  // (fair_share.h). No effect if the tenant has waiting work.
   absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
   // Adds the work of a job that was just inserted.
   void AddWork(const JobRow& job, absl::Duration run_time);
@@ -147,7 +147,7 @@ class JobTransaction {
 
   // Adds `event` under the job's next sequence.
   absl::Status AddEvent(JobChange* change, v1::JobEvent event);
-  // After a loss of power: continues behind all reserved sequences, which watchers may have seen.
+  // Call it after a loss of power: the next sequences are above all reserved ones, which watchers may have seen.
   static void SkipReserved(JobRecord* record);
   // Writes the events of the change. Call it after Insert(), which gives them their job's number.
   absl::Status WriteEvents(JobChange* change);

@@ -19,7 +19,7 @@ namespace planish {
 // Has its own connection and thread. Messages are sent outside of transactions, since PostgreSQL lets only one
 // transaction with a NOTIFY commit at a time. Lines that are published within some milliseconds are sent together; with
 // many processes this time is longer. A message wakes all listening processes, and two hundred of them keep a whole
-// PostgreSQL busy. So with more than kMostListeners processes, only those that must hear listen. Thread-safe.
+// PostgreSQL busy. So with more than kMostListeners processes, only those that must hear messages listen. Thread-safe.
 class PostgresChannel {
  public:
   using Listener = std::function<void(std::string_view message)>;
@@ -42,7 +42,7 @@ class PostgresChannel {
   // Whether messages are received. False if there are too many processes, or the connection is lost.
   bool hears() const { return hears_; }
 
-  // With more processes than this, only those that must hear listen.
+  // With more processes than this, only those that must hear messages listen.
   static constexpr int kMostListeners = 32;
 
  private:

@@ -352,7 +352,7 @@ class PostgresConnection : public SqlConnection {
   struct Statement {
     std::string sql;
     std::vector<Parameter> parameters;
-    SqlRows* rows = nullptr;  // to be filled
+    SqlRows* rows = nullptr;  // where its rows go; may be null
   };
 
   static std::vector<Parameter> Encoded(const std::vector<SqlValue>& values) {
@@ -467,9 +467,9 @@ class PostgresConnection : public SqlConnection {
 
   std::unique_ptr<PGconn, Closer> connection_;
   bool in_transaction_ = false;     // between Begin() and the end, even if the server does not know yet
-  std::int64_t slot_ = 0;           // of the transaction
+  std::int64_t slot_ = 0;           // Slot() of the transaction
   SqlRows turn_;                    // the result of the transaction's TakeTurn()
-  std::vector<Statement> waiting_;  // of RunLater()
+  std::vector<Statement> waiting_;  // statements given to RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
   std::int64_t last_name_ = 0;
 };

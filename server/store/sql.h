@@ -72,7 +72,7 @@ class SqlConnection {
 
   virtual absl::Status Begin(Durability durability) = 0;
   virtual absl::Status Commit() = 0;
-  // Also allowed after an error, and without a transaction.
+  // Ends the transaction without changes. Also allowed after an error, and without a transaction.
   virtual void Rollback() = 0;
 
   // Runs one statement, within the current transaction or as its own. Statements given to RunLater() have run when it
@@ -146,7 +146,7 @@ class SqlDatabase {
   // Whether other processes may use it at the same time.
   virtual bool is_shared() const = 0;
 
-  // After STORAGE_FULL: frees reserved room. Returns whether there is more room, so that the transaction can be
+  // Call it after STORAGE_FULL: frees reserved room. Returns whether there is more room, so that the transaction can be
   // repeated.
   virtual bool GiveUpReserve() { return false; }
 
@@ -154,7 +154,7 @@ class SqlDatabase {
   virtual bool outlives_process() const = 0;
 };
 
-// UNAVAILABLE with STORE_UNAVAILABLE.
+// The error UNAVAILABLE with STORE_UNAVAILABLE; `why` is for people.
 absl::Status StoreUnavailable(const std::string& why);
 
 // Combines equal changes of (or queries for) many rows into as few statements as possible: a statement costs a database

@@ -62,7 +62,7 @@ std::string SqliteWord(std::string_view word) {
   if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
   if (word == "now" || word == "elapsed") return "0";
-  return "";  // a writer has the database for itself
+  return "";  // {lock} and {skip}: a writer has the database for itself
 }
 
 class SqliteConnection : public SqlConnection {
@@ -144,7 +144,7 @@ class SqliteConnection : public SqlConnection {
   Database database_;
   const bool has_file_;
   std::unordered_map<std::string, Statement> statements_;
-  Durability durability_ = Durability::kNow;  // of the current setting
+  Durability durability_ = Durability::kNow;  // the durability that is set now
 };
 
 absl::StatusOr<std::int64_t> SchemaVersion(SqliteConnection* connection) {
@@ -265,7 +265,7 @@ class SqliteDatabase : public SqlDatabase {
   std::string id_;
   std::function<bool()> give_up_reserve_;
   Place writer_;
-  std::array<Place, kReaders> readers_;  // null for a database in memory
+  std::array<Place, kReaders> readers_;  // without connections for a database in memory
   std::atomic<std::size_t> next_reader_ = 0;
 };
 

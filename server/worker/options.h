@@ -11,8 +11,8 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator that this server does not know, a number
-// out of range, or choices that cannot be combined.
+// Converts the options. INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator that this server
+// does not know, a number out of range, or choices that cannot be combined.
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options);
 
 // The status of ToCore().

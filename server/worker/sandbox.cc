@@ -116,7 +116,7 @@ absl::Status EnterSandbox() {
   if (filter == nullptr) return absl::UnavailableError("no filter for this kind of processor");
   int error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_TSYNC, 1);
   if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
-  if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_OPTIMIZE, 2);  // a tree, not a list
+  if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_OPTIMIZE, 2);  // as a tree
   if (error == 0) error = AddRules(filter.get());
   if (error == 0) error = seccomp_load(filter.get());
   if (error == 0) return absl::OkStatus();

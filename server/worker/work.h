@@ -29,9 +29,9 @@ class ProgressThrottle {
 
 // Interrupters and callbacks of one job.
 struct WorkControl {
-  const Interrupter* cancel = nullptr;  // end without a result
-  const Interrupter* stop = nullptr;    // end soon, with the best map so far
-  // Called on the working thread, throttled.
+  const Interrupter* cancel = nullptr;  // ends the job without a result
+  const Interrupter* stop = nullptr;    // ends the job soon, with the best map so far
+  // Called with progress that passes the ProgressThrottle, on the working thread.
   std::function<void(const v1::Progress&)> on_progress;
   // Called at the points of server/worker/failpoints.h; a status other than OK ends the job.
   std::function<absl::Status(std::string_view point)> at_point;
