@@ -31,8 +31,8 @@ class Reloader {
  public:
   explicit Reloader(std::vector<Setting> settings);
 
-  // `keys`: the settings that the hook handles. The hook is called at every reload, even if they did not change, since
-  // files that they name may have.
+  // `keys`: the settings that the hook handles. The hook is called at every reload, even if none of them changed, since
+  // the contents of files that they name may have changed.
   void AddHook(const std::vector<std::string>& keys, ReloadHook hook);
 
   // Reloads all or nothing. Puts the settings that hooks handle in force, and logs every setting that changed; those

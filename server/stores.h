@@ -40,7 +40,7 @@ struct Stores {
   std::unique_ptr<UploadStore> uploads;
 
   JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
-  // JobManagerOptions::disk_shortage.
+  // Implements JobManagerOptions::disk_shortage.
   absl::StatusOr<std::int64_t> DiskShortage(std::int64_t more) const;
   // Whether an upload refers to the blob or has it as a piece. Also true if the store of uploads does not answer.
   bool IsBlobUsed(const BlobId& id) const;

@@ -83,7 +83,7 @@ class BlobCatalog {
 
   // The blob if it is pending, otherwise null.
   StoredBlobPtr Pending(const BlobId& id) const;
-  // Call when the blob was committed.
+  // Call it when a pending blob was committed with its record.
   void Committed(const BlobId& id);
 
   // Whether blobs survive the process, so that opening one may take long.

@@ -38,7 +38,7 @@ class XmlTexts {
  public:
   using Visit = std::function<void(const std::string& path, const std::string& text)>;
 
-  // False if the document is malformed.
+  // Calls `visit` for these elements. False if the document is malformed.
   static bool Read(std::string_view document, const Visit& visit) {
     XmlTexts texts(visit);
     const XML_Parser parser = XML_ParserCreate("UTF-8");

@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// Sizes in bytes. Not thread-safe, except for max_bytes().
+// Counts the bytes that each tenant stores, and applies the limits on them. Not thread-safe, except for max_bytes().
 class TenantRoom {
  public:
   // `max_bytes` limits all tenants together, TenantLimits::store_bytes each one (null: no such limit).

@@ -41,8 +41,8 @@ class ClaimPace {
         random_(static_cast<unsigned>(std::hash<std::string>()(owner))) {}
 
   // Time of the next claim, after one that queued for `queued` (JobStore::Claim). Each server has its own offset within
-  // the interval, and the rest varies by up to a half, so that servers that waited for the same thing do not claim at
-  // the same moment ever after.
+  // the interval, and the rest varies by up to a half, so that servers that waited for the same thing do not go on
+  // claiming at the same moment.
   absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration queued) {
     last_[count_++ % kLast] = queued;
     if (interval <= absl::ZeroDuration()) return now;

@@ -24,7 +24,7 @@ namespace planish {
 // Thread-safe.
 class JobEventLog {
  public:
-  // A live subscription; dropping it ends it.
+  // Dropping the last copy of this pointer ends the subscription.
   using Subscription = std::shared_ptr<const std::function<void()>>;
 
   struct Read {

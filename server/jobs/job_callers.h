@@ -33,7 +33,8 @@ class JobAttachment {
   // Whether there is nothing to release.
   bool empty() const { return callers_ == nullptr; }
 
-  // Writes to the store, unless the job ended.
+  // Ends the attachment. If it was the job's last one in this process, that is written to the store, unless the job
+  // ended.
   void Release(Parting parting = Parting::kMayReturn);
 
  private:

@@ -186,7 +186,7 @@ std::string WorkKey(const std::string& tenant, const JobRequest& request, std::s
       options.GetReflection()->ClearField(&options, fields.field(i));
     }
   }
-  // The lengths separate the fields.
+  // Slashes and lengths separate the fields, so that different requests never give the same text.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
       absl::string_view(elements_sha256.data(), elements_sha256.size()), "/",

@@ -58,7 +58,7 @@ struct JobRequest {
   v1::UnwrapOptions OptionsForNeeds() const;
 };
 
-// The counts of a mesh that is sent as arrays of `bytes` bytes in all.
+// The numbers of triangles and vertices of a mesh that is sent as arrays of `bytes` bytes in all.
 v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices);
 
 // The error for a mesh of more than `limit` bytes: RESOURCE_EXHAUSTED with MESH_TOO_LARGE.

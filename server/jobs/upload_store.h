@@ -104,7 +104,7 @@ struct UploadGauges {
 // UPLOAD_NOT_FOUND; uploads of other tenants get exactly the same answer, also for callers with the right all-jobs.
 class UploadStore {
  public:
-  // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
+  // Complete uploads become blobs in `blobs`, which must outlive the store and be opened before it.
   UploadStore(UploadStoreOptions options, BlobCatalog* blobs);
 
   // Called, without a lock held, when an upload is complete and the store is full. Returns whether it made room for

@@ -149,8 +149,8 @@ void RpcServer::SetReady(bool ready) {
   health_.Set(kServiceName, ready);
 }
 
-// Encodes the request by hand, since Debian has no generated code for the health service. A request without a field is
-// for "".
+// Encodes the request by hand, since Debian has no generated code for the health service. A request without a field
+// asks for the service "".
 bool RpcServer::Answers(absl::Duration limit) {
   std::shared_ptr<grpc::Channel> self;
   {

@@ -560,7 +560,7 @@ absl::Status JobTransaction::EndEarly(const LockedWork& work, EarlyEnd why, bool
   } else {
     record.set_timed_out(true);
   }
-  // If the worker works for this job only, it must answer first.
+  // If a worker runs the work for this job alone, the job ends when the worker has answered.
   if (IsLeased(record) && work.Size() == 1) {
     const bool runs = record.job().state() == v1::JOB_STATE_RUNNING;
     return runs ? Act(JobAction::kCancel, change) : absl::OkStatus();

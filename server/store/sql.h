@@ -117,7 +117,7 @@ class SqlDatabase {
  public:
   enum class Use { kRead, kWrite };
 
-  // Returns the connection to the pool.
+  // A connection of the pool, which the destructor returns to it.
   using Lease = std::unique_ptr<SqlConnection, std::function<void(SqlConnection*)>>;
 
   virtual ~SqlDatabase() = default;
@@ -143,7 +143,7 @@ class SqlDatabase {
   // Whether {now} works, so that all machines use the same clock.
   virtual bool has_clock() const = 0;
 
-  // Whether other processes may use it at the same time.
+  // Whether other processes may use the database at the same time.
   virtual bool is_shared() const = 0;
 
   // Call it after STORAGE_FULL: frees reserved room. Returns whether there is more room, so that the transaction can be
@@ -168,7 +168,7 @@ class RowBatch {
   // Combines what the SELECT finds for each row of values.
   static RowBatch Select(std::string select);
 
-  // Values are copied.
+  // Adds a row of values, which are copied.
   void Add(const std::vector<SqlValue>& row);
   // Queues the statements (RunLater()), and clears the rows. `answers`, unless null, gets the result of each.
   absl::Status Send(SqlConnection* sql, std::deque<SqlRows>* answers = nullptr);

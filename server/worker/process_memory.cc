@@ -35,7 +35,7 @@ struct Statm {
   std::int64_t data = 0;      // bytes: heap, stacks and other private memory
 };
 
-// All zeros if there is no /proc.
+// Reads /proc/self/statm. All zeros if there is no /proc.
 Statm ReadStatm() {
   char text[256] = {};
   if (files.statm < 0 || pread(files.statm, text, sizeof(text) - 1, 0) <= 0) return {};
