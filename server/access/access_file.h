@@ -2,7 +2,7 @@
 //
 //   tenants:
 //     lighting:                     # [a-z0-9][a-z0-9_-]{0,62}
-//       share: 2                    # TenantLimits, each optional: > 0, up to 1e6
+//       share: 2                    # to store-mb: TenantLimits, all optional; share: > 0, up to 1e6
 //       queue: 200                  # 0 to 100000
 //       running: 4                  # 1 to 1024
 //       memory-mb: 8192             # 1 to 1e8, MiB

@@ -30,7 +30,7 @@ std::string KeyOf(const BlobId& id) {
   return id.tenant + "/" + id.sha256;
 }
 
-// DATA_LOSS if the bytes do not match the digest. Copies them unless `copy` is null.
+// Reads the blob, and copies its bytes to `copy` unless that is null. DATA_LOSS if they do not match the digest.
 absl::Status Compare(const BlobId& id, const StoredBlob& blob, char* copy) {
   RunningSha256 hash;
   std::string piece;

@@ -66,7 +66,7 @@ class BlobStore {
   // The blob, open for range reads. A blob that is removed meanwhile may still be read, or give NOT_FOUND or DATA_LOSS.
   absl::StatusOr<StoredBlobPtr> Open(const BlobId& id);
 
-  // All its bytes in sealed memory, verified each time they are read.
+  // All bytes of the blob in sealed memory, verified each time they are read.
   absl::StatusOr<BlobPtr> Load(const BlobId& id);
 
   // Whether the store has the blob. If so, the blob is durable, and its age becomes zero (or up to kReferenceTime / 4,

@@ -47,7 +47,7 @@ absl::Time ModifiedAt(const struct stat& file) {
   return absl::TimeFromTimespec(file.st_mtim);
 }
 
-// Nullopt if there is no such file.
+// The stat(2) of a file; nullopt if there is no such file.
 absl::StatusOr<std::optional<struct stat>> StatOf(const std::string& path) {
   struct stat file = {};
   if (stat(path.c_str(), &file) == 0) return file;

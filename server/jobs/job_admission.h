@@ -29,10 +29,10 @@ struct AcceptedJob {
   JobAttachment attachment;  // empty unless JobRequest::attached
 };
 
-// Thread-safe. No lock is held while the store is asked.
+// Checks requests, and turns them into jobs in the store. Thread-safe. No lock is held while the store is asked.
 class JobAdmission {
  public:
-  // All outlive the object. `seconds_factor`: the recent ratio of actual to estimated seconds of work.
+  // All arguments outlive the object. `seconds_factor`: the recent ratio of actual to estimated seconds of work.
   JobAdmission(JobContext* context, JobFeed* feed, JobCallers* callers, JobRetention* retention,
                std::function<double()> seconds_factor);
 

@@ -43,7 +43,7 @@ class JobAttachment {
 };
 
 // The callers of this process. The store has, for each job, the time until which its callers count as present.
-// Attaching and Renew() extend it; a process that dies no longer does. Thread-safe.
+// Attaching and Renew() extend this time, until the process dies. Thread-safe.
 class JobCallers {
  public:
   // `context` outlives the object.

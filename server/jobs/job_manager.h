@@ -94,8 +94,8 @@ class JobManager {
   // Deletes a job that has ended, with its result. FAILED_PRECONDITION with JOB_NOT_FINISHED for other jobs.
   absl::Status Delete(const Caller& caller, const std::string& name);
 
-  // `mesh_bytes` and `size` as in planish.v1.EstimateJobRequest. INVALID_ARGUMENT as Create(); other reasons for which
-  // Create() would refuse the job now are in the answer.
+  // Estimates a job without creating it. `mesh_bytes` and `size` as in planish.v1.EstimateJobRequest. INVALID_ARGUMENT
+  // as Create(); other reasons for which Create() would refuse the job now are in the answer.
   absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
                                            const v1::MeshSize& size) const;
 
@@ -107,8 +107,8 @@ class JobManager {
   ManagerStats Stats() const;
   // Whether new jobs are refused.
   bool IsDraining() const { return draining_; }
-  // If a limit becomes lower, jobs beyond it stay queued until they run; results and records beyond it are dropped by
-  // the next Tick().
+  // Changes the limits. If a limit becomes lower, jobs beyond it stay queued until they run; results and records beyond
+  // it are dropped by the next Tick().
   void SetLimits(const JobLimits& limits);
   JobLimits Limits() const { return context_.Limits(); }
   JobCapacity Capacity() const { return context_.Capacity(); }

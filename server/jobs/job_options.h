@@ -66,7 +66,7 @@ struct JobManagerOptions {
   absl::Duration obey_limit = absl::Seconds(5);        // longest time from a cancellation to the worker's end
   int max_attempts = 3;                                // >= 1; a job fails after so many lost workers or servers
   absl::Duration retry_delay = absl::Seconds(1);       // in refusals for which no better delay is known
-  // Lease of running work; renewed kRenewalsPerLease times per lease.
+  // Duration of the lease of running work, within which it is renewed kRenewalsPerLease times.
   absl::Duration lease = absl::Seconds(15);
   // Interval at which one job's progress is written; longer if many workers share the store; 0: every report at once.
   absl::Duration report_interval = absl::Milliseconds(200);

@@ -37,7 +37,8 @@ class BlobHold {
   BlobId id_;
 };
 
-// Thread-safe. No lock is held while the store is asked.
+// Drops old results and records, and collects unused blobs. Thread-safe. No lock that calls of clients need is held
+// while the store is asked.
 class JobRetention {
  public:
   // `context` outlives the object.
@@ -50,7 +51,7 @@ class JobRetention {
   // Puts a blob into the blob store. If the store is full, evicts old results: the tenant's own, or, if the tenant has
   // less than an equal part of the store, those of the tenant that has most. Call Hold() first.
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, const std::string& sha256);
-  // Pending: small blobs of the tenant that are to be committed with a record. Committed: tells that they were.
+  // Pending: small blobs of the tenant that are to be committed with a record. Committed: call it when they were.
   std::vector<BlobRow> Pending(const std::string& tenant, const std::vector<std::string>& digests) const;
   void Committed(const std::vector<BlobRow>& blobs) const;
 

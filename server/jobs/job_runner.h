@@ -28,7 +28,7 @@ namespace planish {
 // Thread-safe. No lock is held while the store is asked.
 class JobRunner : public JobSource {
  public:
-  // All outlive the object. `owner`: the owner of this process's leases; unique to the process.
+  // The objects outlive the runner. `owner`: the owner of this process's leases; unique to the process.
   JobRunner(JobContext* context, JobFeed* feed, JobRetention* retention, std::string owner);
 
   // ---- for WorkerPool

@@ -20,8 +20,8 @@
 namespace planish {
 
 struct LocalUploadsOptions {
-  // Exists and belongs to this object alone, on the file system of the blobs' directory: uploads outlive the process.
-  // Empty: in memory.
+  // The directory of the uploads, which then outlive the process. It exists, belongs to this object alone, and is on
+  // the file system of the blobs' directory. Empty: uploads are in memory.
   std::string directory;
   std::function<absl::Time()> clock;
   FileLayer* files = FileLayer::System();  // for marks of complete uploads

@@ -18,8 +18,8 @@ namespace planish {
 // functions are linear in the queue's length.
 class QueueForecast {
  public:
-  // `limits` null: the default limits for every tenant. `workers`: those of all servers that run work. `factor`: recent
-  // ratio of actual to estimated seconds, > 0.
+  // `limits` null: the default limits for every tenant. `workers`: the number of workers of all servers. `factor`:
+  // recent ratio of actual to estimated seconds, > 0.
   QueueForecast(QueueState state, const TenantLimitsSource& limits, int workers, double factor);
 
   QueueForecast(QueueForecast&&) = default;

@@ -34,8 +34,8 @@ namespace planish {
 struct UploadStoreOptions {
   // Holds the uploads; outlives the store. Null: they are in `directory`.
   UploadPlace* place = nullptr;
-  // Exists and belongs to this store alone, on the file system of the blobs' directory: uploads outlive the process.
-  // Empty: in memory.
+  // The directory of the uploads, which then outlive the process. It exists, belongs to this store alone, and is on the
+  // file system of the blobs' directory. Empty: uploads are in memory.
   std::string directory;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   // Uploads under way of all tenants, and the bytes that they announced. If other tenants use all of it, a tenant still

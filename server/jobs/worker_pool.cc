@@ -228,8 +228,8 @@ class WorkerPool::Seat {
 
   // The worker is ended first, so that it is gone when the loss is reported.
   void Lose(const JobAssignment& job, WorkerEndCause cause, WorkerLoss loss) {
-    // Released here, not by the source, which may hold a lock: the release waits for the end of a worker that is a
-    // thread.
+    // The link is released here and not by the source, which may hold a lock: the release waits for the end of a worker
+    // that is a thread.
     const std::shared_ptr<WorkerLink> link = link_;
     End(cause, loss, job.name);
     source_.ReportLost(job.name, job.attempt, std::move(loss));

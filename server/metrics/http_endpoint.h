@@ -28,7 +28,7 @@ struct HttpEndpointOptions {
   int connections = 64;
 };
 
-// "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
+// Parses "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
 absl::StatusOr<HttpEndpointOptions> ParseHttpAddress(const std::string& text);
 
 // Silent or slow connections do not delay others: two threads answer requests once they are complete. A request may

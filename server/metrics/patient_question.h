@@ -65,7 +65,7 @@ class PatientQuestion {
   }
 
  private:
-  // Requires mutex_.
+  // Has question `number` asked, and all before it. Requires mutex_.
   void Want(std::int64_t number) {
     wanted_ = std::max(wanted_, number);
     changed_.notify_all();

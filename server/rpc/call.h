@@ -28,7 +28,7 @@ struct EndedCall {
   std::string call;  // the method's name, e.g. "CreateJob"; "OTHER" if this server has no such method
   absl::StatusCode code = absl::StatusCode::kOk;
   std::string reason;  // the reason of the call's error; empty: none
-  // The full message of its error, if ToCallStatus() withheld part of it from the caller; else empty.
+  // The full message of the call's error, if ToCallStatus() withheld part of it from the caller; else empty.
   std::string hidden;
   absl::Duration duration;
   bool streams = false;  // as in Method
@@ -58,7 +58,7 @@ class ReceivedMessage {
 };
 using ReceivedMessagePtr = std::shared_ptr<ReceivedMessage>;
 
-// What all calls share. All of it outlives them.
+// What all calls share. The objects outlive all calls.
 struct CallSurroundings {
   MessageMemory* memory;
   ReadWatch* watch;

@@ -97,7 +97,7 @@ class HealthService::Watch : public Call {
 
   std::shared_ptr<Watch> Self() { return std::static_pointer_cast<Watch>(shared_from_this()); }
 
-  // Requires mutex_.
+  // Sends the newest change, unless a message is being sent. Requires mutex_.
   void SendNext() {
     if (!next_.has_value() || is_sending_) return;
     is_sending_ = true;

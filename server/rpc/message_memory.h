@@ -47,7 +47,7 @@ class MessageMemory {
 
  private:
   void GiveBack(const Share& share);
-  // Requires mutex_.
+  // Adapts gRPC's quota to expected_. Requires mutex_.
   void ResizeQuota();
 
   const std::int64_t most_;

@@ -26,8 +26,8 @@ class ReadWatch {
   ReadWatch(const ReadWatch&) = delete;
   ReadWatch& operator=(const ReadWatch&) = delete;
 
-  // A call with credentials has begun or ended. While it runs, its stream may send kLookaheadBytes before they are
-  // read.
+  // Call them when a call with credentials begins and ends. While it runs, its stream may send kLookaheadBytes before
+  // they are read.
   void AddCall(const std::string& peer);
   void RemoveCall(const std::string& peer);
 

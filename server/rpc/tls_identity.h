@@ -16,7 +16,7 @@ namespace planish {
 // client must.
 enum class ClientAuth { kNone, kRequest, kRequire };
 
-// Thread-safe. TLS 1.2 and 1.3.
+// The certificate and key of a server that speaks TLS 1.2 and 1.3. Thread-safe.
 class TlsIdentity {
  public:
   // Loads the files. Errors of LoadTlsFiles(). `client_auth` is kNone if and only if there is no client CA.

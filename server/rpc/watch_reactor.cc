@@ -128,7 +128,7 @@ class WatchReactor : public Call {
     }
   }
 
-  // Requires mutex_.
+  // Fills *response with the next message if there is one to send now. Requires mutex_.
   JobStream::Step NextStep(Response* response) {
     v1::JobEvent event;
     v1::UvChunk chunk;
@@ -149,7 +149,7 @@ class WatchReactor : public Call {
     return step;
   }
 
-  // Requires mutex_.
+  // Has Pump() called after `delay`. Requires mutex_.
   void WakeIn(absl::Duration delay) {
     if (std::exchange(armed_, true)) return;
     const std::weak_ptr<WatchReactor> weak = Self();

@@ -80,7 +80,7 @@ class AccountsToRead {
     return absl::OkStatus();
   }
 
-  // Call after the queries have been answered.
+  // The accounts. Call it after the queries have been answered.
   FairAccounts Take() {
     if (!known_.has_value()) {
       known_ = AccountsOf(all_);
