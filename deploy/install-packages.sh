@@ -24,7 +24,7 @@ test="
   chromium:chromium haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
 
 # For tests/bench/run.sh: gnuplot draws its plots, and it compares planish with CGAL and Blender. If Blender is
-# installed, a test of tests/files also reads the files that planish writes with it. Blender's glTF importer needs numpy.
+# installed, a test of tests/files also has it read the files that planish writes; its glTF importer needs numpy.
 bench="gnuplot-nox libcgal-dev blender imagemagick python3-numpy"
 
 # For the preset "clang" and deploy/each-source.sh.

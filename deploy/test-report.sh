@@ -80,8 +80,8 @@ awk '
   over && reports > 0 { print "finding\t" name; over = 0 }
   over && /^Test Fail/ { print "failed\t" name; over = 0 }' "$log" >"$work/tries"
 
-# print_output TEST [CASE]: prints at most 16 lines of the output of TEST's last try (with CASE, of that case only), each
-# after "  | ".
+# print_output TEST [CASE]: prints at most 16 lines of the output of TEST's last try (with CASE, of that case only),
+# each after "  | ".
 print_output() {
   NAME=$1 CASE=${2:-} awk -v most=16 '
     /^[0-9]+\/[0-9]+ Test: / {
