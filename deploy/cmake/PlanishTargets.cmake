@@ -37,7 +37,7 @@ function(planish_sanitize target)
     target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
     if(PLANISH_SANITIZE STREQUAL "thread")
       # Undefines __SANITIZE_THREAD__: with it, protobuf's headers give map fields two more members, which Debian's
-      # library was built without. libstdc++ would then not define _GLIBCXX_TSAN, which it needs, so that is defined here.
+      # library was built without. libstdc++ derives _GLIBCXX_TSAN from it, so that is defined here instead.
       target_compile_options(${target} PUBLIC -U__SANITIZE_THREAD__ -D_GLIBCXX_TSAN=1)
     endif()
   endif()
