@@ -20,7 +20,7 @@ namespace planish {
 
 class ObjTextures {
  public:
-  // Reads the material files; unreadable ones have no materials. `file` and `options` outlive the object.
+  // Reads the material files; an unreadable one counts as empty. `file` and `options` must outlive the object.
   ObjTextures(const MeshFile& file, const OutputOptions& options);
 
   // Whether no face has both UV and a material with images.

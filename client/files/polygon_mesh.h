@@ -20,8 +20,8 @@ struct PolygonMesh {
   std::vector<Vec3> positions;
   std::vector<std::int64_t> polygon_begin = {0};
   std::vector<std::int32_t> corner_vertex;  // 0-based, in range
-  // For PLY and OFF: the file's own vertex per corner, if several of these are one vertex of the surface
-  // (client/files/seam_copies.h), which corner_vertex has. Empty if they are the same.
+  // For PLY and OFF: the file's vertex per corner, if several vertices of the file are one vertex of the surface
+  // (client/files/seam_copies.h). corner_vertex has the latter. Empty if the two are the same at every corner.
   std::vector<std::int32_t> corner_file_vertex;
 
   // The file's UV, with v upwards in all formats. Per corner an id into `texcoords`, -1: none; empty: the file has no
@@ -63,7 +63,7 @@ struct Triangulation {
   // polygon is one part unless it is in `faulty`.
   std::vector<std::int32_t> piece;
   std::vector<std::pair<std::int64_t, PolygonFault>> faulty;  // polygons, ascending
-  // Corners that are in no triangle because a neighbour has the same vertex; and that neighbour.
+  // The corners that are in no triangle because a neighbour has the same vertex, each with that neighbour.
   std::vector<std::array<std::int64_t, 2>> repeated_corners;
 };
 
@@ -110,7 +110,7 @@ std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const
   return result;
 }
 
-// The same per corner.
+// Maps values per corner of the file to the corners of WithTornPolygons().
 template <typename Value>
 std::vector<Value> OfWrittenCorners(const PolygonMesh& mesh, const std::vector<Value>& of_corner,
                                     const std::vector<TornPolygon>& torn) {

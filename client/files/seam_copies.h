@@ -24,11 +24,11 @@ void JoinSeamVertices(const std::vector<std::string_view>& marks, PolygonMesh* m
 // Whether a comment, without its introducing characters, is such a mark.
 bool IsSeamMark(std::string_view comment);
 
-// The file's vertices with one UV each: SplitCorners() of the file's corners.
+// Splits the file's vertices so that each has one UV (SplitCorners() in core/base/corner_split.h).
 CornerSplit SplitForFile(const PolygonMesh& mesh, const std::vector<double>& corner_uv);
 
-// The comments from which JoinSeamVertices() learns which vertices of the split are copies; none if it would find the
-// same surface without them.
+// The comments from which JoinSeamVertices() learns which vertices of the split are copies; none if JoinSeamVertices()
+// would find the same surface without them.
 std::vector<std::string> SeamMarks(const PolygonMesh& mesh, const CornerSplit& split);
 
 }  // namespace planish
