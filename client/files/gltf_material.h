@@ -40,8 +40,8 @@ struct GltfTextureSource {
 };
 std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture);
 
-// Removes those of `textures` that no material refers to, and the images that only they read, with their bytes. Nothing
-// if an extension that we do not know may refer to them (GltfPatch::has_unknown_indices).
+// Removes those of `textures` that no material refers to, and the images that only these textures read, with their
+// bytes. Removes nothing if an unknown extension may refer to them (GltfPatch::has_unknown_indices).
 void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch);
 
 // Removes those of `materials` that no primitive and no variant refers to. Removes none if an extension that we do not

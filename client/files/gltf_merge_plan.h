@@ -1,4 +1,4 @@
-// Which images a material needs that takes the place of several. Used only in client/files.
+// Plans the images of a material that replaces several. Used only in client/files.
 #pragma once
 
 #include <cstddef>
@@ -27,10 +27,10 @@ struct MergedGroup {
   bool has_colors = false;  // vertex colours are painted into the base colours
 };
 
-// What some of the materials draw into a new image.
+// A part of a new image: what is drawn for some of the members.
 struct PlannedPart {
   std::vector<std::size_t> members;
-  const GltfTextureUse* use = nullptr;  // in the group; null: a constant, of white with the options' factor and offset
+  const GltfTextureUse* use = nullptr;  // of a member; null: a constant, white with the options' factor and offset
   BakeOptions options;
 };
 
@@ -43,7 +43,7 @@ struct PlannedImage {
 };
 
 struct MergePlan {
-  Json material = Json::object();  // its slots have no index yet
+  Json material = Json::object();  // its textureInfos have no index yet
   std::vector<PlannedImage> images;
 };
 
