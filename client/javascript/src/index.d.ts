@@ -216,7 +216,7 @@ export class Client {
   close(): void;
 }
 
-/** A planishd that only this user can reach. It ends with close() and with this process, however that ends. Needs Linux. */
+/** A planishd that only this user can reach. It ends with close(), and when this process ends. Needs Linux. */
 export class PrivateServer {
   static start(options?: {executable?: string; workers?: number; threads?: number; startTimeoutSeconds?: number; extraArguments?: string[]}): Promise<PrivateServer>;
   readonly target: string;
