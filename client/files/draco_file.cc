@@ -1,4 +1,4 @@
-// .drc files: Draco data on their own.
+// Reads and writes .drc files, which hold nothing but Draco data.
 #include <cstring>
 
 #include "client/files/draco_uv.h"

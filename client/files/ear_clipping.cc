@@ -75,7 +75,7 @@ bool IsFan(const std::vector<Vec2>& points) {
 
 // Whether the fan round corner 0 has a triangle so steep that the polygon is not planar.
 bool IsFolded(const std::vector<Vec3>& outline) {
-  constexpr double kLeastCosine = 0.7;  // of the angle between the lines along a triangle's and the polygon's normal
+  constexpr double kLeastCosine = 0.7;  // of the angle between the normals of a triangle and the polygon, up to sign
   std::vector<Vec3> normals;
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 1; i + 1 < outline.size(); ++i) {

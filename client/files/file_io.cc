@@ -133,7 +133,7 @@ int DescriptorOf(const std::string& path) {
 // The final target of the symbolic link `path`, whether or not it exists; `path` itself if it is not a link. Sets
 // `error_number` if a link cannot be read or there are more than 40 links, as in a cycle.
 std::string FollowLinks(const std::string& path, int* error_number) {
-  constexpr int kMostLinks = 40;  // as Linux does
+  constexpr int kMostLinks = 40;  // the limit of Linux
   std::filesystem::path target = path;
   std::error_code error;
   for (int i = 0; i < kMostLinks; ++i) {
@@ -199,7 +199,7 @@ absl::Status WriteFile(const std::string& path, const std::string& bytes) {
   struct stat existing;
   const bool exists = error_number == 0 && ::stat(target.c_str(), &existing) == 0;
   if (error_number != 0) {
-    // Reported below.
+    // The error is reported below.
   } else if (!exists) {
     error_number = Replace(target, bytes, nullptr);
   } else if (S_ISDIR(existing.st_mode)) {

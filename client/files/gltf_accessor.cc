@@ -70,8 +70,8 @@ absl::Status ReadShape(const GltfDocument& document, const Json& json, GltfAcces
   return GltfFault(document, accessor->element + ".type", "must be SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4");
 }
 
-// Finds the `count` elements of `size` bytes at the byteOffset and bufferView of `json`, and sets *stride; null: the
-// elements have no gaps. FILE_MALFORMED if they do not fit into the view.
+// Finds the `count` elements of `size` bytes at the byteOffset and bufferView of `json`, and sets *stride. `stride`
+// null: there are no gaps between the elements. FILE_MALFORMED if they do not fit into the view.
 absl::StatusOr<const char*> Elements(const GltfDocument& document, const Json& json, const std::string& element,
                                      std::int64_t count, std::int64_t size, std::int64_t* stride) {
   PLANISH_ASSIGN_OR_RETURN(const View view, OpenView(document, json.at("bufferView"), element + ".bufferView"));

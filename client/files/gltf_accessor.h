@@ -23,11 +23,11 @@ struct GltfAccessor {
   std::int64_t element_size = 0;  // bytes; columns of matrices start at multiples of 4
   const char* data = nullptr;     // null: all zero
   std::int64_t stride = 0;
-  // Sparse elements, which replace those above.
+  // Sparse elements, which replace some of the elements above.
   std::int64_t sparse_count = 0;
   GltfComponent sparse_component = GltfComponent::kUint;
-  const char* sparse_indices = nullptr;  // below count, ascending
-  const char* sparse_values = nullptr;   // element_size apart
+  const char* sparse_indices = nullptr;  // of the replaced elements: below count, ascending
+  const char* sparse_values = nullptr;   // the new elements, element_size bytes apart
 
   // All elements, without gaps.
   std::string DenseBytes() const;

@@ -19,7 +19,7 @@ absl::StatusOr<std::vector<float>> ReadVertexAttribute(const GltfMesh& gltf, con
 // corner gets the normal of its flat triangle, as glTF demands. Sets *are_given to whether the vertices have normals.
 absl::StatusOr<std::vector<float>> CornerNormals(const GltfMesh& gltf, const GltfPrimitive& primitive, bool* are_given);
 
-// COLOR_0 at the corners of the primitive's triangles, linear, with alpha; empty if it has none.
+// COLOR_0 at the corners of the primitive's triangles, linear, with alpha; empty if the primitive has none.
 absl::StatusOr<std::vector<std::array<float, 4>>> CornerColors(const GltfMesh& gltf, const GltfPrimitive& primitive);
 
 }  // namespace planish

@@ -24,7 +24,7 @@ struct GltfOutput {
   const std::vector<std::array<float, 4>>& tangents;
 };
 
-// The bake of `image` as `use` reads it: with sampler and meaning, still without triangles.
+// Describes how `use` reads `image`: with which sampler and meaning. The triangles are added later.
 TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, std::int64_t image);
 
 // Appends to `bake` the triangles of a primitive with their UV in the old and the new map, and tangent frames if the

@@ -1,6 +1,6 @@
 // A glTF 2.0 file as JSON and bytes. Used only in client/files.
 //
-// The JSON is edited as a document (nlohmann's, in its order) instead of being read into structs, so that everything
+// The JSON is edited as a document (nlohmann's ordered_json) instead of being read into structs, so that everything
 // unknown is preserved. tinygltf 2.7, tried for this, lost unknown data of one small file: non-standard members, nulls
 // and empty arrays inside extensions (the mappings of KHR_materials_variants), and integers above 2^31 in extras; and
 // it does not check the ranges of accessors.
@@ -22,7 +22,7 @@ using Json = nlohmann::ordered_json;
 struct GltfDocument {
   std::string path;
   bool is_binary = false;            // GLB
-  int indent = -1;                   // blanks per level, for nlohmann
+  int indent = -1;                   // blanks per level, as Json::dump() takes them; -1: all on one line
   Json json;                         // an object
   std::vector<std::string> buffers;  // byteLength bytes each; empty if a buffer has no data
   std::string other_chunks;          // those of a GLB after JSON and BIN, unchanged
@@ -49,7 +49,7 @@ absl::StatusOr<std::int64_t> GltfInt(const GltfDocument& document, const Json& o
                                      const char* key, std::int64_t least, std::int64_t most,
                                      std::optional<std::int64_t> fallback);
 
-// `value` as an index below `count`. FILE_MALFORMED if it is none; `element` is for the message.
+// `value` as an index below `count`. FILE_MALFORMED if it is no such index; `element` is for the message.
 absl::StatusOr<std::int64_t> GltfIndex(const GltfDocument& document, const Json& value, const std::string& element,
                                        std::int64_t count);
 
@@ -76,7 +76,7 @@ absl::StatusOr<std::string> LoadGltfUri(const GltfDocument& document, const std:
 absl::StatusOr<std::string> FileOfUri(const GltfDocument& document, const std::string& element, const std::string& uri);
 
 bool IsDataUri(std::string_view uri);
-// "data:application/octet-stream;base64,..."
+// A data URI of the bytes: "data:application/octet-stream;base64,...".
 std::string DataUri(const std::string& bytes);
 
 // Rewrites a relative URI in a file at `from` so that it names the same file from a file at `to`. Returns any other URI

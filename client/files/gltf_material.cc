@@ -130,8 +130,8 @@ std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index) {
 
 namespace {
 
-// Takes the elements `gone` out of the root's array `key`, and the array if nothing is left. Returns the new index of
-// each that stays.
+// Removes the elements that `gone` marks from the root's array `key`, and the array itself if no element is left.
+// Returns the new index of each element that stays.
 std::vector<std::int64_t> TakeOut(const std::vector<bool>& gone, const char* key, Json* root) {
   std::vector<std::int64_t> index(gone.size(), -1);
   Json left = Json::array();

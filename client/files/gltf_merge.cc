@@ -141,7 +141,7 @@ void GltfMerge::FindGroups() {
       known->primitives.push_back(p);
     }
   }
-  // In the order of the primitives.
+  // Makes the groups in the order of the primitives.
   for (const std::string& key : key_of) {
     const auto found = by_key.find(key);
     if (found == by_key.end()) continue;
@@ -273,7 +273,7 @@ absl::StatusOr<std::string> GltfMerge::Draw(const GltfOutput& output, const Merg
   return BakeParts(std::move(parts), gltf_.document.path + ": " + image.name, has_alpha, options_.textures, warnings);
 }
 
-// Adds an image and a texture of it. Returns the texture's index.
+// Adds an image, and a texture that shows it. Returns the texture's index.
 std::int64_t GltfMerge::AddTexture(const PlannedImage& image, std::string bytes, TextureFileNames* names,
                                    GltfPatch* patch, WrittenMesh* written) const {
   Json& root = patch->json();

@@ -3,8 +3,8 @@
 //
 // With TextureOptions::merge_materials, materials of one atlas become one if they differ in nothing but images, factors
 // and names: they have the same alpha mode and cutoff, sides and extensions. Each image of the new material is drawn
-// from the old ones and from constants. A factor that all of them have stays a factor; others are painted in. Materials
-// that are animated or belong to variants are left alone.
+// from the old ones and from constants. A factor that is equal in all of the materials stays a factor; other factors
+// are painted into the images. Materials that are animated or belong to variants are left alone.
 //
 // With TextureOptions::bake_colors, COLOR_0 is painted into the base colours of its material, and removed.
 #pragma once
@@ -68,7 +68,7 @@ class GltfMerge {
   std::vector<std::optional<std::size_t>> group_of_;  // this and the next two: per primitive of triangles
   std::vector<bool> bakes_colors_;
   std::vector<bool> needs_tangents_;
-  std::set<std::int64_t> left_alone_;        // materials
+  std::set<std::int64_t> left_alone_;        // materials that are not merged
   std::set<std::string> unpainted_because_;  // why colours of vertices are not painted
 };
 

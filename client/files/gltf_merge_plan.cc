@@ -41,7 +41,7 @@ const GltfTextureUse* MergedMember::UseAt(const Pointer& at) const {
   return found == uses.end() ? nullptr : &*found;
 }
 
-// "wood+steel+2 more"
+// The names of the members, such as "wood+steel+2 more".
 std::string NamesOf(const MergedGroup& group, std::size_t most) {
   std::string names;
   for (std::size_t m = 0; m < std::min(most, group.members.size()); ++m) {
@@ -89,7 +89,7 @@ class MergePlanner {
   }
 
  private:
-  // A value of each member, and whether all are equal.
+  // The value of each member. Sets *are_equal to whether all are equal.
   template <typename Value>
   std::vector<Value> OfMembers(const auto& value, bool* are_equal) const {
     std::vector<Value> values;
@@ -149,7 +149,7 @@ class MergePlanner {
     plan_.images.push_back(std::move(image));
   }
 
-  // Occlusion is red, roughness green, metalness blue: one image, unless a material has them in two.
+  // Occlusion is red, roughness green, metalness blue. They share one image, unless a material has them in two.
   void PlanSurface() {
     bool equal_metal = false, equal_rough = false, equal_strength = false;
     const std::vector<float> metal = OfMembers<float>(

@@ -36,7 +36,7 @@ struct PlannedPart {
 
 struct PlannedImage {
   std::string name;
-  std::vector<Json::json_pointer> slots;  // where the new material refers to it
+  std::vector<Json::json_pointer> slots;  // where the new material refers to the image
   std::vector<PlannedPart> parts;
   bool may_have_alpha = false;
   bool has_colors = false;
@@ -47,8 +47,8 @@ struct MergePlan {
   std::vector<PlannedImage> images;
 };
 
-// A factor that all members have stays a factor; others are painted in. Occlusion, roughness and metalness share an
-// image where they can.
+// Plans the material of a group. A factor that is equal in all members stays a factor; others are painted into images.
+// Occlusion, roughness and metalness share an image where they can.
 MergePlan PlanMerge(const MergedGroup& group);
 
 // "wood+steel+2 more": at most `most` names.

@@ -291,7 +291,7 @@ std::string GltfPatch::TakeBuffer() {
     bytes = std::string();
   }
   if (result.empty() && !free_views_.empty()) result.resize(1);
-  // The merged buffer keeps the first one's name and extras.
+  // The merged buffer keeps the name and extras of the first old buffer.
   Json& buffers = ArrayAt(json_, "buffers");
   if (buffers.empty()) buffers.push_back(Json::object());
   Json buffer = buffers[0];

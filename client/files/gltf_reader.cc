@@ -238,7 +238,7 @@ class GltfReader {
       }
       if (attribute == nullptr) return GltfFault(document(), where, "the Draco data have no attribute " + id.dump());
       if (name != "POSITION" && name != uv_name_) continue;
-      // Treated as an accessor, as Draco's values have the same layout.
+      // Describes Draco's values as an accessor, since they have the same layout.
       GltfAccessor accessor;
       accessor.element = where;
       accessor.count = points->num_points;

@@ -240,7 +240,7 @@ void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnin
 void GltfTextures::WriteTextures(Json* json) {
   // Old textures and images that some material or texture still uses.
   std::vector<bool> keeps_texture(root_["textures"].size(), false), keeps_image(root_["images"].size(), false);
-  std::map<std::int64_t, std::set<std::string>> moved;  // by material
+  std::map<std::int64_t, std::set<std::string>> moved;  // by material: the slots whose textures are moved
   std::set<std::int64_t> left;                          // a group with a clone does not change the material itself
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     if (is_shared_[g]) continue;
@@ -263,7 +263,7 @@ void GltfTextures::WriteTextures(Json* json) {
       if (keeps_texture[t] || !is_moved[t]) keeps_image[static_cast<std::size_t>(source.image)] = true;
     }
   }
-  // The first new version of an image takes its place if nothing else uses the old one; others are added at the end.
+  // The first new version of an image replaces it if nothing else uses the old image. Others are added at the end.
   for (Reading& reading : readings_) {
     auto place = static_cast<std::size_t>(reading.image);
     if (keeps_image[place]) {
@@ -319,7 +319,7 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
   }
   image.erase("uri");
   image["mimeType"] = MimeType(kind);
-  // The version that takes the old image's place takes its view too.
+  // The version that replaces the old image replaces its view too.
   const bool is_own_place = slot == static_cast<std::size_t>(reading.image);
   image["bufferView"] = patch->AddView(is_own_place ? GltfIntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
 }

@@ -100,10 +100,10 @@ class GltfTextures {
   const GltfMesh& gltf_;
   const OutputOptions& options_;
   const Json& root_;
-  const GltfMerge merge_;  // the primitives that it has are not in groups_
+  const GltfMerge merge_;  // the primitives that it handles are not in groups_
   std::vector<Group> groups_;
   std::vector<bool> needs_tangents_;  // per primitive of triangles
-  std::vector<bool> is_shared_;       // per group: whether it gets a clone of the material, as others use that too
+  std::vector<bool> is_shared_;       // per group: whether it gets a clone of the material, which others use too
   std::vector<Reading> readings_;
   std::map<std::string, std::size_t> reading_of_key_;
   std::vector<NewTexture> textures_;

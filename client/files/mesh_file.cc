@@ -198,7 +198,7 @@ std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
   std::vector<std::array<double, 3>> colors;
   if (!file.gltf) return colors;
   for (std::size_t i = 0; i < file.mesh.material_names.size(); ++i) {
-    std::array<double, 3> color = {1, 1, 1};  // the standard's default
+    std::array<double, 3> color = {1, 1, 1};  // glTF's default
     const Json& material = file.gltf->document.json["materials"][i];
     const Json* const surface = GltfObject(material, "pbrMetallicRoughness");
     const auto factor = surface != nullptr ? surface->find("baseColorFactor") : material.end();

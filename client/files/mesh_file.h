@@ -52,7 +52,7 @@ struct ReadOptions {
 // ("meshes[3].primitives[0].indices"), else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
 
-// The same for bytes in memory in this format. Buffers that a glTF refers to are read from beside `path`.
+// As ReadMeshFile(), for bytes in memory in this format. Buffers that a glTF refers to are read from beside `path`.
 absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat format, std::string bytes,
                                        const ReadOptions& options = {});
 
@@ -61,7 +61,7 @@ absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat forma
 std::vector<int> UvSets(const MeshFile& file);
 
 // Red, green and blue of each of mesh.material_names, from 0 to 1 in sRGB: the base colour factor of a glTF. Empty for
-// formats without colours.
+// other formats.
 std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file);
 
 // The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of

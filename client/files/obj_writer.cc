@@ -21,7 +21,7 @@ class UvTable {
     }
   }
 
-  // 1-based, as in OBJ.
+  // The vt of a corner, 1-based as in OBJ.
   std::int64_t IndexOfCorner(std::int64_t corner) const { return index_of_corner_[corner] + 1; }
 
   std::string Lines(std::string_view line_end) const {
@@ -253,7 +253,7 @@ class SectionLines {
     if (ids.empty() || ids[polygon] == *current) return;
     *current = ids[polygon];
     *text += keyword;
-    // A line end in a name would begin another statement.
+    // Replaces some characters: a line end in a name would begin another statement.
     std::string name = *current < 0 ? "none" : names[*current];
     for (char& c : name) c = static_cast<unsigned char>(c) < ' ' || c == '#' || c == '\\' ? '_' : c;
     *text += " " + name + "\n";

@@ -158,7 +158,7 @@ void AppendReal(double value, bool is_float, std::string* text) {
   is_float ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
 }
 
-// For the digits see WriteObjWithUv().
+// Appends a blank and a number of a UV, with the digits that WriteObjWithUv() describes.
 void AppendUv(double value, bool is_float, std::string* text) {
   AppendReal(is_float ? double{static_cast<float>(value)} : value, /*is_float=*/false, text);
 }

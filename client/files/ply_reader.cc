@@ -75,7 +75,7 @@ class PlyReader {
         }
       }
       if (!layout_.face_uv) continue;
-      // Faces without a texture have an empty list.
+      // Faces without a texture have an empty list, so their corners have no UV.
       face_texcoord_.resize(mesh_.polygon_begin[i + 1] - mesh_.polygon_begin[i], kNoId);
       mesh_.corner_texcoord.insert(mesh_.corner_texcoord.end(), face_texcoord_.begin(), face_texcoord_.end());
     }

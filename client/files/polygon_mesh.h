@@ -32,10 +32,10 @@ struct PolygonMesh {
   // Per polygon an id into `material_names`, -1: none; empty: the file has no materials.
   std::vector<std::int32_t> polygon_material;
   std::vector<std::string> material_names;
-  // The same for objects and groups (OBJ "o" and "g" together; glTF meshes).
+  // As polygon_material and material_names, for objects and groups (OBJ "o" and "g" together; glTF meshes).
   std::vector<std::int32_t> polygon_group;
   std::vector<std::string> group_names;
-  // The same for the objects of an OBJ alone ("o").
+  // As polygon_group and group_names, for the objects of an OBJ alone ("o").
   std::vector<std::int32_t> polygon_object;
   std::vector<std::string> object_names;
 
@@ -49,10 +49,11 @@ struct PolygonMesh {
 // Why a polygon may be cut.
 enum class PolygonFault : char {
   kCrossesItself,  // CrossesItself() (client/files/ear_clipping.h)
-  kRevisits,       // it visits a vertex twice
+  kRevisits,       // the polygon visits a vertex twice
 };
 
-// A polygon mesh cut into the triangles that are sent, with the way back. The triangles of a polygon are consecutive.
+// A polygon mesh cut into the triangles that are sent, with the origin of each vertex, face and corner. The triangles
+// of a polygon are consecutive.
 struct Triangulation {
   Mesh mesh;                                     // without vertices that have no polygon
   std::vector<std::int32_t> source_vertex;       // per vertex of mesh: vertex of the polygon mesh
@@ -97,7 +98,7 @@ PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangl
 // Replaces torn polygons by their faces, which inherit material, group, object and line.
 PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<TornPolygon>& torn);
 
-// Maps values per polygon of the file to those of WithTornPolygons().
+// Maps values per polygon of the file to the polygons of WithTornPolygons().
 template <typename Value>
 std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const std::vector<TornPolygon>& torn) {
   std::vector<Value> result;

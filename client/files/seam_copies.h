@@ -18,10 +18,10 @@ namespace planish {
 // that IsSeamMark() accepts. The copies are removed from `mesh`: the surface is the one that was written, and vertices
 // that were at the same position before stay apart. For other files, or if the marks do not match the vertices, all
 // vertices at the same position (to the bit) become one, as in a glTF; PolygonMesh::corner_file_vertex then has the
-// file's own.
+// file's own vertices.
 void JoinSeamVertices(const std::vector<std::string_view>& marks, PolygonMesh* mesh);
 
-// Whether a comment, without its introducing characters, is such a mark.
+// Whether a comment, given without its introducing characters, is one of those that mark copies (SeamMarks()).
 bool IsSeamMark(std::string_view comment);
 
 // Splits the file's vertices so that each has one UV (SplitCorners() in core/base/corner_split.h).

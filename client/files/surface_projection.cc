@@ -27,7 +27,7 @@ namespace {
 
 using Rgb = std::array<float, 3>;
 
-// Per vertex the mean of the normals of its faces, weighted by their angles there.
+// Per vertex the mean of the normals of its faces, weighted by the angles of the faces at the vertex.
 std::vector<Vec3> SmoothNormals(const std::vector<Vec3>& positions, const std::vector<Face>& faces) {
   std::vector<Vec3> normals(positions.size(), Vec3::Zero());
   for (const Face& face : faces) {

@@ -1,4 +1,5 @@
-// Draws the looks of one surface into images of another that lies close to it: of a scan into its decimated copy.
+// Bakes the colours and normals of one file's surface into images of another file's surface that lies close to it, such
+// as a scan and its decimated copy.
 #pragma once
 
 #include <atomic>

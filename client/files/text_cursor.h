@@ -26,7 +26,7 @@ class TextCursor {
   std::string_view Token();
   // The next token, without consuming it.
   std::string_view Peek();
-  // The remaining tokens on the line of the last one.
+  // The remaining tokens on the line of the last token.
   std::vector<std::string_view> RestOfLine();
   // Skips the rest of the line.
   void SkipLine();

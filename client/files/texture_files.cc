@@ -61,7 +61,8 @@ absl::Status WithTextureAdvice(const absl::Status& status) {
 
 namespace {
 
-// The side of an image that needs `wanted` texels to keep its texel density, unless options.size is set.
+// The side of an image that needs `wanted` texels per side to keep its texel density; options.size if that is set.
+// Warns if the side would be larger than kLargestAutoTexture.
 int SideFor(double wanted, int least, const std::string& name, const TextureOptions& options,
             std::vector<OutputWarning>* warnings) {
   if (options.size != 0) return options.size;
@@ -92,7 +93,8 @@ absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const
                    {{"image", name}, {"bytes", std::to_string(memory)}});
 }
 
-// `triangles`: of `bake`; `all` contains them (TextureGeometry).
+// Draws `image` by the triangles of `bake`, which are in `triangles`, and in `all` if that is not empty (see
+// TextureGeometry).
 absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<const TextureTriangle> triangles,
                       std::span<const TextureTriangle> all, const TextureOptions& options, TextureBaker* baker) {
   TextureSource source;

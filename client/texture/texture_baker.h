@@ -1,4 +1,4 @@
-// Images resampled from one map of a surface to another.
+// Resamples images from one map of a surface to another.
 #pragma once
 
 #include <array>
@@ -49,7 +49,7 @@ struct BakeOptions {
   TextureMeaning meaning = TextureMeaning::kColor;
   // Colours are weighted with their alpha when they are filtered. Otherwise each channel is filtered by itself.
   bool premultiplied = false;
-  double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
+  double normal_scale = 1;  // for kNormal: multiplies x and y when the image is read
   // kNormal: whether the new image keeps the scale for the renderer to apply; otherwise the scale is painted in.
   bool keeps_normal_scale = true;
   // Each value becomes factor * value + offset: colours in linear light, and their alpha. Colours have no offset.
@@ -104,7 +104,7 @@ class TextureBaker {
   void MakeImage();
 
   TextureImage image_;
-  std::vector<std::uint8_t> drawn_;  // per texel: 0 not drawn, 1 beside a triangle, 2 in one
+  std::vector<std::uint8_t> drawn_;  // per texel: 0 not drawn, 1 beside a triangle, 2 in a triangle
   ThreadTeam* team_;
 };
 

@@ -92,7 +92,7 @@ void texture_internal::FillUndrawn(const std::vector<std::uint8_t>& drawn, Textu
 }
 
 TextureImage TextureBaker::Finish() {
-  MakeImage();  // if nothing was drawn
+  MakeImage();  // no effect if something was drawn
   texture_internal::FillUndrawn(drawn_, &image_);
   drawn_.clear();
   return std::move(image_);
