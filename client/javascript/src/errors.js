@@ -66,8 +66,8 @@ export function errorOfCall(error, target) {
   return new PlanishError(said, {code});
 }
 
-// Whether the connection broke. False for errors that the server returned, except UPLOAD_BUSY: then the server has not
-// noticed yet that an earlier call broke.
+// Whether the connection broke or the server is unavailable. UPLOAD_BUSY counts too: the server has not noticed yet
+// that the call which wrote the upload broke. False for other errors that the server returned.
 export function isBroken(error) {
   return error.code === 'UNAVAILABLE' || error.reason === 'UPLOAD_BUSY' ||
          (error.reason === error.code && (error.code === 'INTERNAL' || error.code === 'UNKNOWN' || error.code === 'CANCELLED'));

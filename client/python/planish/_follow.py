@@ -33,8 +33,8 @@ _TERMINAL = frozenset(
 
 @dataclass(frozen=True)
 class Callbacks:
-    """Run one at a time, on the thread or in the event loop of the call. They should return quickly. An exception ends
-    the call, cancels an attached job, and comes out of the call."""
+    """Functions that a call runs one at a time, on its thread or in its event loop. They should return quickly. An
+    exception of a callback ends the call, cancels an attached job, and comes out of the call."""
 
     #: Called for every progress message.
     on_progress: Optional[Callable[[Progress], None]] = None
@@ -266,7 +266,7 @@ class Follower:
         self._name, self._sequence, self._lost_stream = "", 0, False
         self._control.job = ""
         self.job, self.uv = job_pb2.Job(), bytearray()
-        self._unwrap.request_id = new_request_id()  # the old one belongs to the lost job
+        self._unwrap.request_id = new_request_id()  # the old id belongs to the lost job
         if self._mesh is not None:
             set_arrays(self._unwrap.spec, self._mesh)  # the upload may be lost with the job
 

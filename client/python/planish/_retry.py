@@ -55,7 +55,7 @@ class Deadline:
 
 
 def is_broken(error: errors.Error) -> bool:
-    """Whether the connection broke. False for errors that the server returned."""
+    """Whether the connection broke or the server is unavailable. False for other errors that the server returned."""
     if isinstance(error, errors.Unavailable):
         return True
     if error.reason == "UPLOAD_BUSY":

@@ -235,7 +235,7 @@ def _value(message: Any, descriptor: Any) -> Any:
 
 
 def _job_error(status: Any) -> JobError:
-    from ._status import error_of_status  # that module needs ours
+    from ._status import error_of_status  # imports gRPC, which nothing else here needs
 
     error = error_of_status(status)
     return JobError(error.code, error.reason, error.message, error.metadata)

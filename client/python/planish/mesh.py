@@ -128,7 +128,7 @@ def _refused(argument: str, message: str, reason: str, metadata: Optional[Dict[s
 def _as_array(argument: str, value: Any, kinds: str, wanted: str, reason: str) -> Any:
     try:
         array = np.asarray(value)
-    except Exception as error:  # of whatever library made the value
+    except Exception as error:  # any exception of the library that made the value
         raise _refused(argument, f" cannot be read as an array: {error}", reason) from error
     if array.dtype.kind not in kinds and not (array.size == 0 and array.dtype.kind == "f"):
         raise _refused(argument, f" must be {wanted}, not {array.dtype}", reason)

@@ -17,7 +17,7 @@ from typing import Any, Callable, List, Optional, Sequence
 from ._programs import is_program, own_program
 from .errors import Unavailable
 
-# The server drains without grace when it is stopped; one that hangs is killed after this time.
+# The server drains without grace when it is stopped. If it hangs, it is killed after this time.
 _STOP_SECONDS = 5.0
 # The longest folder for a server's directory: the path of the socket must stay below 108 bytes.
 _LONGEST_BASE = 60
@@ -88,7 +88,7 @@ class _Running:
                     stderr=self.log,
                     pass_fds=[self.theirs.fileno()],
                     env=environment,
-                    start_new_session=True,  # Ctrl-C is handled by this process first
+                    start_new_session=True,  # Ctrl-C must not reach the server: this process handles it
                 )
         except OSError as error:
             raise _failed(f"cannot start {self.executable}: {error.strerror}") from error

@@ -11,7 +11,7 @@ export interface ChartInfo {
 export interface Finding {
   kind: string;
   text: string;
-  fault?: number; // the bit of Faces.faults
+  fault?: number; // its bit in MapData.faults
   charts?: number[];
   faces?: number[]; // triangles
 }
@@ -23,8 +23,8 @@ export interface MapInfo {
   textureSize: number;
   padding: number; // texels
   tiles: number[]; // numbers of the tiles that hold something
-  low: [number, number, number]; // of the surface's box
-  size: number; // its longest side
+  low: [number, number, number]; // lowest corner of the surface's bounding box
+  size: number; // longest side of that box
   uvLow: [number, number];
   uvSize: number; // of a square round the map
   charts: ChartInfo[]; // from the section "charts"

@@ -159,7 +159,7 @@ async function start(): Promise<void> {
     }
     viewer.redraw();
   };
-  // Rings round the triangle in every view, as it may be smaller than a pixel.
+  // Draws rings round the hovered triangle in every view, as it may be smaller than a pixel.
   viewer.onDraw = () => {
     const rings: string[] = [], face = state.hovered?.face ?? -1;
     for (const map of state.shown) {

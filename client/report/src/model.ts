@@ -26,7 +26,8 @@ function dataTexture<T extends Numbers>(
   return texture;
 }
 
-// Normals of the surface at each place, averaged where places have the same position, as two bytes of an octahedron.
+// Normals of the surface at each place, averaged where places have the same position. Each is two bytes, which unfold
+// an octahedron.
 function packedNormals(data: MapData): Uint16Array {
   const { positions, indices, info } = data;
   // Per place: the first place at the same position.
@@ -288,7 +289,7 @@ export class MapModel {
   }
 
   // Takes the edges that run from the lower place to the higher one. An edge between two triangles runs in opposite
-  // directions in these, and so is drawn once. Edges of a single triangle are outlines, which are drawn anyway.
+  // directions in the two, and so is taken once. Edges of a single triangle are outlines, which are drawn anyway.
   private makeWires(): void {
     const { indices, info } = this.data;
     const edges = new Uint32Array(6 * info.triangles);
@@ -329,7 +330,7 @@ export class MapModel {
   setSelected(chart: number): void {
     this.uniforms.uSelected!.value = chart;
   }
-  // Half of the padding on either side of every outline.
+  // Shows half of the padding on either side of every outline.
   setPadding(isShown: boolean): void {
     const { padding, textureSize } = this.data.info;
     this.paddingMesh.visible = isShown && padding > 0;
@@ -380,7 +381,7 @@ export class MapModel {
     );
   }
 
-  // Where these triangles lie, and which way they look.
+  // Where these triangles lie on the surface and in the map, and their mean normal.
   extentOf(faces: number[]): { centre: THREE.Vector3; radius: number; normal: THREE.Vector3; uv: THREE.Box2 } {
     const box = new THREE.Box3(), uv = new THREE.Box2(), normal = new THREE.Vector3();
     const step = Math.max(1, Math.floor(faces.length / 20000));

@@ -263,7 +263,7 @@ export class Viewer {
         this.panes.push({ map, isLayout: true, x: 0, y: y + h / 2, width, height: h / 2 });
       }
     });
-    // At once, as the canvas is empty now; but the first frame waits for the rest of the page.
+    // Draws at once, as the canvas is empty now; but the first frame waits for the rest of the page.
     if (this.frames > 0) this.draw();
     else this.redraw();
   }
