@@ -171,7 +171,7 @@ class GltfUvWriter {
                                                       CornerSplit* split) {
     TangentCorners corners;
     bool all_have_normals = true;
-    std::vector<std::size_t> numbers;  // of these corners among those of all primitives
+    std::vector<std::size_t> numbers;  // per corner: its index among the corners of all primitives
     for (const std::size_t user : users) {
       const GltfPrimitive& primitive = gltf_.primitives[user];
       bool are_given = false;

@@ -18,7 +18,7 @@ struct SurfaceProjectionOptions {
 
 struct ProjectedMesh {
   WrittenMesh written;
-  std::int64_t texels = 0, missed = 0;  // texels inside charts; those of them that found nothing of `from`
+  std::int64_t texels = 0, missed = 0;  // texels inside charts; how many of them found nothing of `from`
   bool has_colors = false;              // false: `from` has none, and only normals were drawn
 };
 
