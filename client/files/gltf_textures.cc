@@ -241,7 +241,6 @@ void GltfTextures::WriteTextures(Json* json) {
   // Old textures and images that some material or texture still uses.
   std::vector<bool> keeps_texture(root_["textures"].size(), false), keeps_image(root_["images"].size(), false);
   std::map<std::int64_t, std::set<std::string>> moved;  // by material: the slots whose textures are moved
-  std::set<std::int64_t> left;                          // a group with a clone does not change the material itself
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     if (is_shared_[g]) continue;
     for (const GltfTextureUse& use : groups_[g].uses) moved[groups_[g].material].insert(use.at.to_string());
@@ -256,7 +255,6 @@ void GltfTextures::WriteTextures(Json* json) {
   }
   std::vector<bool> is_moved(keeps_texture.size(), false);
   for (const NewTexture& texture : textures_) is_moved[static_cast<std::size_t>(texture.old)] = true;
-  std::vector<bool> was_read(keeps_image.size(), false);
   for (std::size_t t = 0; t < keeps_texture.size(); ++t) {
     for (const GltfTextureSource& source : TextureSources(root_, static_cast<std::int64_t>(t))) {
       if (source.image >= static_cast<std::int64_t>(keeps_image.size())) continue;

@@ -78,7 +78,6 @@ class GltfTextures {
   struct NewTexture {
     std::int64_t old = -1;
     std::vector<std::size_t> readings;  // one for each source of the old texture
-    bool other_tile = false;
     std::int64_t slot = -1;
   };
 
