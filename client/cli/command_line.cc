@@ -41,17 +41,17 @@ server, shows the progress of their unwrapping, and writes the texture coordinat
 .B \-\-server
 it starts a private server for the life of the command.
 .PP
-Results go to standard output, what is for people to standard error.
+Results go to standard output; progress, summaries and errors go to standard error.
 )",
           R"(.SH ENVIRONMENT
 .TP
 .B PLANISH_SERVER
-The server, where
+The server, if
 .B \-\-server
-does not name one.
+is not given.
 .TP
 .BR PLANISH_TLS ", " PLANISH_TLS_CA ", " PLANISH_TLS_CERT ", " PLANISH_TLS_KEY ", " PLANISH_TOKEN ", " PLANISH_TOKEN_FILE
-How to reach it safely, and as whom, where flags do not say so.
+Encryption and credentials, if the flags of the same names are not given.
 .TP
 .B PLANISH_CONFIG
 The configuration file; empty: none.
@@ -65,8 +65,8 @@ names, or
 .I $XDG_CONFIG_HOME/planish.toml
 (without that variable
 .IR ~/.config/planish.toml ),
-holds flags that are added to every call which does not have them: names without dashes, for all commands that have such a flag, or
-below the name of a command for that one.
+holds flags that are added to every call which does not have them, under their names without dashes. Flags at the top
+are for all commands that have them; flags in the section of a command are for that command only.
 .PP
 .nf
 server = "farm:7741"
@@ -77,21 +77,21 @@ texture\-size = 2048
 limit = 10
 .fi
 .PP
-Flags go over variables, and variables over the file.
+Flags override variables, and variables override the file.
 .SH FILES
 .TP
 .I ~/.config/planish.toml
 Settings for every call, see CONFIGURATION.
 .TP
 .I OUT/.planish\-batch.json
-What a batch has done, by which the same command goes on where it ended.
+Record of what a batch has done. If the command is repeated, it continues from there.
 .SH EXIT STATUS
 .TP
 .B 0
 A usable map, or whatever else was asked for.
 .TP
 .B 1
-The job failed, or its map is not usable (it is written all the same).
+The job failed, or its map is not usable (it is written nevertheless).
 .TP
 .B 2
 Bad usage, or input that cannot be read.
@@ -100,7 +100,7 @@ Bad usage, or input that cannot be read.
 The server cannot be reached, or its queue is full.
 .TP
 .B 130
-Interrupted. The first Ctrl\-C cancels the job on the server, a second one leaves at once.
+Interrupted. The first Ctrl\-C cancels the job on the server; the second one exits at once.
 .SH SEE ALSO
 .BR planishd (8)
 )"};
@@ -110,17 +110,17 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj             unwrap a mesh; starts a server of its own
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
   planish unwrap face.obj -o uv.obj --server=farm:7741
-  planish unwrap props/ hero.glb -o done/            every mesh in there, a job and an output each
+  planish unwrap props/ hero.glb -o done/            a job and an output for each mesh
   planish unwrap big.obj --detach --server=farm:7741
-  planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fit
-  planish check hero.glb --require=no-overlap        judges its UV, whoever made them
+  planish pack hero.obj -o packed.obj --padding=8    packs its existing UV islands again
+  planish check hero.glb --require=no-overlap        checks its UV, whatever program made them
   planish report before.glb after.glb -o compare.html  a page that shows both maps, opened from disk
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
-3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
+3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second exits at once).)";
 
 // ---- Suggestions
 
@@ -217,29 +217,28 @@ struct CommandLine {
     AddHelp(app);
     app.require_subcommand(1);
     Add<UnwrapArguments>(app, "unwrap", "Flatten a mesh and write it with UV");
-    Add<PackArguments>(app, "pack", "Pack the UV islands that a mesh has anew, without solving");
-    Add<TransferArguments>(app, "transfer", "Draw the images of a model into the map of another file");
-    Add<CheckArguments>(app, "check", "Judge the UV that a mesh has, from any tool");
+    Add<PackArguments>(app, "pack", "Pack the existing UV islands of a mesh again, without solving");
+    Add<TransferArguments>(app, "transfer", "Redraw the images of a model for the UV of another file");
+    Add<CheckArguments>(app, "check", "Check the UV of a mesh, whatever program made them");
     Add<ReportArguments>(app, "report", "Write a page that shows the UV of a mesh, of two side by side, or of many");
     Add<InspectArguments>(app, "inspect", "Say what a mesh is like and what unwrap would do with it");
-    Add<EstimateArguments>(app, "estimate", "Say what unwrap would need on a server, without doing it");
-    CLI::App& jobs = *app.add_subcommand("jobs", "Look after the jobs of a server");
+    Add<EstimateArguments>(app, "estimate", "Say what memory and time unwrap would need on a server, without doing it");
+    CLI::App& jobs = *app.add_subcommand("jobs", "List, watch, stop and delete the jobs of a server");
     jobs.require_subcommand(1);
     Add<JobsListArguments>(jobs, "list", "Jobs, newest first");
     Add<JobsShowArguments>(jobs, "show", "One job with its report");
     Add<JobsWatchArguments>(jobs, "watch", "Follow a job to its end; with --mesh and -o, write its UV");
-    Add<JobsStopArguments>(jobs, "stop", "End a job soon, with the best map that it has then");
-    Add<JobsCancelArguments>(jobs, "cancel", "End a job and discard what it has");
-    Add<JobsDeleteArguments>(jobs, "delete", "Forget a job that ended");
+    Add<JobsStopArguments>(jobs, "stop", "End a job soon, with the best map so far");
+    Add<JobsCancelArguments>(jobs, "cancel", "End a job and discard its result");
+    Add<JobsDeleteArguments>(jobs, "delete", "Delete a job that has ended, and its result");
     Add<HealthArguments>(app, "health", "Ask a server by HTTP whether it is ready for jobs");
-    CLI::App& admin = *app.add_subcommand("admin", "Run a server: for callers with the right \"admin\"");
+    CLI::App& admin = *app.add_subcommand("admin", "Administer a running server; needs the right \"admin\"");
     admin.require_subcommand(1);
-    Add<AdminDrainArguments>(admin, "drain",
-                             "Take no new jobs and say so to load balancers; those that were accepted go on");
-    Add<AdminUndrainArguments>(admin, "undrain", "Take new jobs again");
+    Add<AdminDrainArguments>(admin, "drain", "Accept no new jobs, and tell load balancers so; accepted jobs go on");
+    Add<AdminUndrainArguments>(admin, "undrain", "Accept new jobs again");
     Add<AdminStatsArguments>(admin, "stats", "What the server is doing");
     Add<AdminConfigArguments>(admin, "config",
-                              "The settings it runs with, and where they come from, as its configuration file");
+                              "Settings in effect, in the form of a configuration file, with the source of each");
     Add<VersionArguments>(app, "version", "Versions of this command and of the server");
     RefuseNan(app);
     app.footer(kExamples);  // now, or every command would have it

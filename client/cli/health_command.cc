@@ -20,9 +20,9 @@ constexpr int kSeconds = 3;
 
 void AddFlags(CLI::App& app, HealthArguments& arguments) {
   app.footer(
-      "For probes, beside planishd --metrics-listen; needs no credentials. /livez in place of /readyz asks whether it "
-      "serves at all.\nExit codes: 0 yes, 1 no, 3 nobody answers.");
-  app.add_option("URL", arguments.url, "What to ask [http://127.0.0.1:9741/readyz]")->type_name("");
+      "For probes of a planishd with --metrics-listen; needs no credentials. The path /readyz asks whether the server "
+      "is ready for jobs,\n/livez whether it is alive. Exit codes: 0 yes, 1 no, 3 no answer.");
+  app.add_option("URL", arguments.url, "URL to ask [http://127.0.0.1:9741/readyz]")->type_name("");
 }
 
 std::string Check(HealthArguments& arguments) {

@@ -25,7 +25,7 @@ void AddFlags(CLI::App& app, JobsWatchArguments& arguments) {
   AddTexcoord(app, arguments.texcoord);
   AddOutputTexcoord(app, arguments.output.texcoord);
   AddTextures(app, arguments.output.textures);
-  AddTimeout(app, arguments.timeout_seconds, "Stop watching after so long; the job goes on");
+  AddTimeout(app, arguments.timeout_seconds, "Stop watching after SECONDS; the job goes on");
   AddTerminal(app, arguments.terminal);
   AddProgress(app, arguments.terminal);
 }

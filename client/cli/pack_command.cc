@@ -25,16 +25,16 @@ namespace planish::cli {
 
 void AddFlags(CLI::App& app, PackArguments& arguments) {
   app.footer(
-      "Needs no server. Islands are moved, turned and scaled as they are: mirrored ones stay mirrored, and what "
-      "overlaps inside one\nstays so. Exit codes: 0 packed, 1 the file lacks UV or they cannot be packed, 2 bad usage "
-      "or "
-      "unreadable file.");
+      "Needs no server. Islands are only moved, rotated and scaled: mirrored islands stay mirrored, and overlaps "
+      "within an island\nremain. Exit codes: 0 packed, 1 the file has no UV, or its islands cannot be packed, 2 bad "
+      "usage or unreadable file.");
   app.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
   AddOutput(app, arguments.output.path, /*takes_batch=*/false);
   AddOptions(app, arguments.options, {"texture_size", "texels_per_unit", "padding", "effort", "tiles"});
   app.add_option_function<std::string>(
          "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
-         "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
+         "equal: the same texel density on the surface for every island; keep: islands keep their sizes relative to "
+         "each other")
       ->check(CLI::IsMember({"equal", "keep"}).description(""))
       ->type_name("equal|keep");
   AddWeights(app, arguments.material_weights, "islands");
