@@ -85,7 +85,7 @@ void Print(const ServerStats& stats) {
   std::cout << std::flush;
 }
 
-// A line on stderr each time the numbers change.
+// Waits until no job waits or runs. Prints the numbers to stderr each time they change.
 void WaitUntilIdle(AdminClient& admin) {
   std::string said;
   for (ServerStats stats = admin.GetStats(); !stats.IsIdle(); stats = admin.GetStats()) {

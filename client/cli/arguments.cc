@@ -227,7 +227,7 @@ ClientOptions WithServer(ClientOptions options, const ServerArguments& server) {
 
 namespace {
 
-// "skin=2"; the name may have equals signs.
+// Parses "skin=2" and adds it to `material_weights`; the name may have equals signs. Throws CLI::ValidationError.
 void AddMaterialWeight(const std::string& text, std::map<std::string, double>* material_weights) {
   const std::size_t equals = text.rfind('=');
   double weight = 0;

@@ -42,7 +42,7 @@ Needs no server; the UV may come from any program. Several files are checked one
 each and a last line {"summary": ...}. Exit codes: 0 every requirement is met, 1 some are not, or a file has no UV, 2
 bad usage or an unreadable file.)";
 
-// Throws CLI::ValidationError for an unknown word.
+// Adds the requirements of a comma-separated list. Throws CLI::ValidationError for an unknown word.
 void AddRequirements(const std::string& text, std::set<Requirement>* required) {
   std::istringstream list(text);
   for (std::string word; std::getline(list, word, ',');) {

@@ -124,7 +124,7 @@ Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or u
 
 // ---- Suggestions
 
-// Letters to add, take away, replace or swap with the next one, to make `b` of `a`.
+// The least number of steps that turn `a` into `b`; a step adds, removes or replaces a letter, or swaps two neighbours.
 std::size_t EditDistance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> cost(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) {
@@ -142,7 +142,8 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
   return cost[a.size()][b.size()];
 }
 
-// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty: none.
+// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty if there is no such
+// name.
 std::string Nearest(const std::string& word, const std::vector<std::string>& names) {
   std::string nearest;
   std::size_t least = word.size() / 3 + 1;
@@ -152,7 +153,7 @@ std::string Nearest(const std::string& word, const std::vector<std::string>& nam
   return nearest;
 }
 
-// "Did you mean unwrap?" for the first command or flag that there is not; empty if nothing is like it.
+// "Did you mean unwrap?" for the first unknown command or flag of the command line; empty if no name is similar.
 std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) {
   const CLI::App* app = &root;
   for (int i = 1; i < argc; ++i) {
@@ -178,7 +179,7 @@ std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) 
 
 // ---- The command line, and the configuration file under it
 
-// To CLI11 "nan" is a number within every range.
+// Makes flags for numbers refuse "nan", which CLI11 accepts as a number within every range.
 void RefuseNan(CLI::App& app) {
   const auto is_number = [](const std::string& text) -> std::string {
     double number = 0;
@@ -194,7 +195,7 @@ void RefuseNan(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands(nullptr)) RefuseNan(*command);
 }
 
-// Arguments of a command, checked.
+// Checks the arguments of a command. Returns them, or the message and exit code of a mistake.
 template <typename CommandArguments>
 ParsedArguments Checked(CommandArguments& arguments) {
   ParsedArguments parsed;
@@ -241,7 +242,7 @@ struct CommandLine {
                               "Settings in effect, in the form of a configuration file, with the source of each");
     Add<VersionArguments>(app, "version", "Versions of this command and of the server");
     RefuseNan(app);
-    app.footer(kExamples);  // now, or every command would have it
+    app.footer(kExamples);  // after the commands, which would inherit it
     app.set_version_flag(
         "--version", [] { return std::string("planish ") + Version(); }, "Print the version and exit");
     AddGenerate(app, Version(), ManPage());
@@ -258,7 +259,8 @@ struct CommandLine {
   }
 };
 
-// The file that PLANISH_CONFIG names, or planish.toml in the user's directory for configurations; empty: none.
+// The path of the configuration file: PLANISH_CONFIG if it is set, or else planish.toml in the user's directory for
+// configurations, if the file exists. Empty: none.
 std::string ConfigPath() {
   const auto variable = [](const char* name) -> std::string {
     const char* const value = std::getenv(name);
@@ -299,7 +301,8 @@ bool IsDecided(CLI::Option& option) {
   return std::any_of(others.begin(), others.end(), [](const CLI::Option* other) { return other->count() > 0; });
 }
 
-// The flags that the file adds to a command line that was parsed. Throws CLI::ParseError, with the reason.
+// The flags that the configuration file adds to the command line that `root` has parsed. Throws CLI::ParseError, with
+// the reason, if the file is wrong.
 std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) {
   std::ifstream file(path);
   if (!file) throw CLI::FileError::Missing(path);
@@ -334,7 +337,7 @@ std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) 
   return own;
 }
 
-// What to print and to exit with for a command line that is over, or wrong.
+// What to print, and the exit code, for a command line that is wrong or only asks for help.
 ParsedArguments Ended(const CommandLine& line, const CLI::ParseError& error, int argc, const char* const* argv) {
   ParsedArguments parsed;
   std::ostringstream out, err;

@@ -7,7 +7,8 @@
 #include "client/cli/flags.h"
 #include "planish/error.h"
 
-// Last, and in no other file of the command: it brings macros of <resolv.h> (_res) that Eigen's headers have as names.
+// Included last, and in no other file of the command: it defines macros (_res of <resolv.h>) that are names in Eigen's
+// headers.
 #include <httplib.h>
 
 namespace planish::cli {

@@ -149,7 +149,7 @@ std::string FilterOf(const JobsListArguments& arguments) {
   return filter;
 }
 
-// What most jobs do not have.
+// Prints properties of a job that differ from the default, and its memory and expiry.
 void PrintScheduling(const Job& job) {
   const Scheduling& scheduling = job.scheduling;
   if (scheduling.priority != Priority::kNormal) std::cout << "priority " << ToString(scheduling.priority) << "\n";
@@ -191,7 +191,7 @@ void PrintJob(const Job& job) {
   std::cout << std::flush;
 }
 
-// The answer of stop and cancel.
+// Prints the answer of stop and cancel.
 void Print(const Job& job, bool json) {
   if (json) {
     std::cout << ToText(ToJson(job)) << std::flush;

@@ -58,7 +58,7 @@ int Run(const JobsWatchArguments& arguments, Interrupts& interrupts) {
     view = NewProgressView(arguments.terminal, {arguments.job}, /*is_batch=*/false);
     if (arguments.terminal.verbose) view->Say(Printable(server.Description(), true));
     view->Begin(0);
-    // The job is not ours to cancel.
+    // The first signal only ends watching: the job belongs to another command, so it is not cancelled.
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
     CallOptions call;
     call.stop = stop.get_token();

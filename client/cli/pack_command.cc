@@ -74,7 +74,8 @@ namespace {
 
 constexpr std::size_t kMaxNamedFaces = 8;
 
-// "9 faces have no UV": throws if any triangle is `at_fault`, with the file's faces, each once.
+// Throws an error such as "9 faces have no UV" if at_fault(t) is true for any triangle t. The error counts and names
+// the file's faces, each once. `one` and `many`: the words after "1 face" and "9 faces".
 void RefuseFaces(const MeshInput& input, const std::string& reason, const std::string& one, const std::string& many,
                  const std::function<bool(std::size_t)>& at_fault) {
   std::int64_t count = 0, last = -1;
@@ -90,7 +91,7 @@ void RefuseFaces(const MeshInput& input, const std::string& reason, const std::s
               {{count == 1 ? "face" : "faces", ids}});
 }
 
-// Throws if there are no islands to pack.
+// Throws if some faces have no finite UV and positions, or if there are no faces.
 void CheckUv(const MeshInput& input, const PackArguments& arguments) {
   const Mesh& mesh = input.mesh();
   if (mesh.faces.empty()) {

@@ -66,14 +66,14 @@ void AddFlags(CLI::App& app, ReportArguments& arguments) {
 
 namespace {
 
-// Whether the command makes a page for each file, and a sheet.
+// Whether the command makes a sheet, with a page for each file, instead of a single page.
 bool IsSheet(const ReportArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   return inputs.size() > 2 || IsDirectory(arguments.output) || arguments.output.ends_with('/') ||
          std::any_of(inputs.begin(), inputs.end(), IsDirectory);
 }
 
-// Checks arguments of a sheet.
+// Checks the arguments for a sheet.
 std::string CheckSheet(const ReportArguments& arguments) {
   if (arguments.output == "-") return "-o - takes one page; those of many files need -o DIRECTORY/";
   if (!arguments.job_report.empty()) return "--job-report is about one file, and -o about many";

@@ -118,7 +118,7 @@ void AddSeams(CLI::App& app, UnwrapArguments& arguments) {
       ->type_name("LIST");
 }
 
-// Given flags override the preset.
+// Adds --preset. Flags on the command line override those of the preset.
 void AddPreset(CLI::App& app, UnwrapArguments& arguments) {
   CLI::Option* const preset =
       app.add_option(
@@ -195,7 +195,7 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments) {
 
 namespace {
 
-// Checks options that have no effect together.
+// Checks for options that have no effect in combination with others.
 std::string CheckAtlas(const MapArguments& map) {
   const UnwrapOptions& options = map.options;
   if (options.max_stretch != 0 && options.seams != Seams::kAuto) {
@@ -213,7 +213,7 @@ std::string CheckAtlas(const MapArguments& map) {
   return "";
 }
 
-// Checks options that do not go with several atlases, or with weights.
+// Checks for options that cannot be combined with several atlases or with weights.
 std::string CheckParts(const UnwrapArguments& arguments) {
   const UnwrapOptions& options = arguments.map.options;
   const bool is_stacked = options.atlas_layout == AtlasLayout::kStacked;
@@ -231,7 +231,7 @@ std::string CheckParts(const UnwrapArguments& arguments) {
   return "";
 }
 
-// Checks options that a batch does not support.
+// Checks for options that a batch does not support.
 std::string CheckBatch(const UnwrapArguments& arguments) {
   if (arguments.output.path.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output.path == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
@@ -250,7 +250,7 @@ std::string CheckBatch(const UnwrapArguments& arguments) {
   return "";
 }
 
-// Checks several files and decides whether they are a batch.
+// Checks the input files and sets `arguments.batch`.
 std::string CheckInputs(UnwrapArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   const auto directory = std::find_if(inputs.begin(), inputs.end(), IsDirectory);
@@ -292,7 +292,7 @@ std::string CheckDetach(const UnwrapArguments& arguments) {
 }  // namespace
 
 std::string Check(UnwrapArguments& arguments) {
-  // The first decides whether it is a batch, which later ones need.
+  // CheckInputs() comes first: it sets `batch`, which later checks use.
   return FirstProblem({CheckInputs(arguments), CheckStreams(arguments.inputs.All()),
                        arguments.batch ? "" : CheckTexcoord(arguments.texcoord, arguments.inputs.first),
                        CheckPreview(arguments.output.preview), CheckStdout(arguments.output.path, arguments.json),
