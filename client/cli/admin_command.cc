@@ -20,7 +20,7 @@ void AddFlags(CLI::App& app, AdminArguments& arguments) {
 
 void AddFlags(CLI::App& app, AdminDrainArguments& arguments) {
   AddServer(app, arguments.server, "required here");
-  app.add_flag("--wait", arguments.wait, "Return when no job is left");
+  app.add_flag("--wait", arguments.wait, "Wait until no job is left");
 }
 
 void AddFlags(CLI::App& app, AdminStatsArguments& arguments) {

@@ -90,7 +90,7 @@ class BatchQueue {
 
 // ---- One file, from its bytes to its output and its record
 
-// What all files share.
+// What all files of the batch share.
 struct BatchContext {
   const UnwrapArguments& arguments;
   BatchState& state;

@@ -39,7 +39,7 @@ CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheck
 enum class Requirement { kUv, kNoOverlap, kNoFlip, kNoMirror, kNoDegenerate, kInTile };
 const char* ToString(Requirement requirement);  // "no-overlap", ...
 
-// What a map must be like.
+// The requirements of --require, --max-stretch and --min-padding.
 struct Requirements {
   std::set<Requirement> required;
   double max_stretch = 0;  // largest L2 stretch of a chart, above 1; 0: no limit

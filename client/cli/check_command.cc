@@ -87,7 +87,7 @@ void AddFlags(CLI::App& app, CheckArguments& arguments) {
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
   app.add_option("--min-padding", arguments.requirements.min_padding,
-                 "No two charts may be nearer than this, in texels, up to 64; 1 % less counts as rounding")
+                 "No two charts may be nearer than this, in texels, up to 64; 0.01 texels less count as rounding")
       ->check(CLI::Range(0.0, 64.0).description(""))
       ->type_name("TEXELS");
   AddTileSize(app, arguments.texture_size);

@@ -223,7 +223,7 @@ struct CommandLine {
     Add<CheckArguments>(app, "check", "Check the UV of a mesh, whatever program made them");
     Add<ReportArguments>(app, "report", "Write a page that shows the UV of a mesh, of two side by side, or of many");
     Add<InspectArguments>(app, "inspect", "Say what a mesh is like and what unwrap would do with it");
-    Add<EstimateArguments>(app, "estimate", "Say what memory and time unwrap would need on a server, without doing it");
+    Add<EstimateArguments>(app, "estimate", "Estimate the memory and time of unwrap on a server, without doing it");
     CLI::App& jobs = *app.add_subcommand("jobs", "List, watch, stop and delete the jobs of a server");
     jobs.require_subcommand(1);
     Add<JobsListArguments>(jobs, "list", "Jobs, newest first");

@@ -19,7 +19,7 @@ namespace planish::cli {
 
 class Interrupts;
 
-// What gets an atlas of its own.
+// Which parts of the input get an atlas each (--atlas-per).
 enum class AtlasPer { kFile, kMesh, kMaterial, kGroup };
 const char* ToString(AtlasPer per);  // "file", ...
 

@@ -27,8 +27,8 @@ class WorkEstimate {
   void OnJob(const Job& job);
   // `chart_part`: JobProgress::ChartFraction().
   void OnProgress(const Progress& progress, double chart_part);
-  // In [0, 1). Grows with `seconds` between two events, and ever slower when a phase takes longer than expected. An
-  // event may reduce it.
+  // The estimated fraction, in [0, 1). Between two events it grows with `seconds`, ever more slowly when a phase takes
+  // longer than expected. An event may reduce it.
   double Fraction(double seconds) const;
 
  private:

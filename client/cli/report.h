@@ -69,7 +69,7 @@ FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, co
 // A page of a sheet.
 struct SheetPageJob {
   const ReportSheet& sheet;
-  std::string page;    // its place on the sheet
+  std::string page;    // path of the page below ReportSheet::pages()
   std::string output;  // the file that the batch wrote
   std::string made;    // SheetMember::made
 };

@@ -64,7 +64,7 @@ struct ServerNeeds {
 
 class ServerChoice {
  public:
-  // Without an address, starts a private server. Throws planish::Error if that fails, or as Client::Client does.
+  // Without an address, starts a private server. Throws planish::Error if that fails, and the errors of Client::Client.
   ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs = {});
   ~ServerChoice();
 

@@ -21,7 +21,7 @@ Error ErrorFrom(const google::rpc::Status& status);
 // Converts a status of core/base/error.h, which must not be OK.
 Error ErrorFrom(const absl::Status& status);
 
-// The same error with the caller's element ids.
+// Returns `error` with its element ids converted by `renumbering`, to the caller's ids for example.
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering);
 
 // Converts the exception that is being handled. To be called in a catch block.

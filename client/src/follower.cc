@@ -334,7 +334,8 @@ void Follower::OnStop() {
     const std::lock_guard lock(mutex_);
     stopped_ = true;
     stopped_changed_.notify_all();
-    // Cutting the stream is enough: if the server has accepted the job meanwhile, it cancels the attached job.
+    // Cuts the stream. That is enough: a watched job goes on, and if the server has just accepted the job of an
+    // Unwrap(), it cancels the job because its caller is gone.
     if (StopEndsCall() && context_) context_->TryCancel();
   }
   Ask();

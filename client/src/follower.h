@@ -60,7 +60,8 @@ class Follower {
   void OnCommitted();
 
   Followed Follow();
-  // One stream, resumed where the last one broke; returns true at the end of the job and its UV.
+  // Reads one stream, which resumes where the last one broke. Returns true if the job has ended and its UV are
+  // complete, false if the job must be submitted again.
   bool FollowOnce();
   template <typename Response>
   void ReadAll(std::unique_ptr<grpc::ClientReader<Response>> reader, grpc::ClientContext& context);

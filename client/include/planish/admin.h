@@ -40,7 +40,7 @@ struct ServerStats {
 };
 
 struct ServerConfig {
-  // As a configuration file of planishd, with the source of each value as a comment.
+  // The settings in effect as a configuration file of planishd, with the source of each value as a comment.
   std::string yaml;
   std::chrono::system_clock::time_point load_time;  // when the server last read its configuration without an error
 };

@@ -90,7 +90,7 @@ struct CallOptions {
   std::stop_token stop;
 };
 
-// One of several jobs to queue together.
+// A job for CreateJobs().
 struct NewJob {
   MeshView mesh;
   UnwrapOptions options;
@@ -167,8 +167,8 @@ class Client {
     return Unwrap(std::nothrow, mesh, options, callbacks, call).value();
   }
 
-  // The same on a thread of the library. The mesh is encoded before this returns and need not outlive it; if it cannot
-  // be encoded, this call fails.
+  // Like Unwrap(), but on a thread of the library. The mesh is encoded before StartUnwrap() returns and need not
+  // outlive that; if it cannot be encoded, StartUnwrap() fails.
   Result<Call> StartUnwrap(std::nothrow_t, const MeshView& mesh, const UnwrapOptions& options = {},
                            Callbacks callbacks = {}, CallOptions call = {});
   Call StartUnwrap(const MeshView& mesh, const UnwrapOptions& options = {}, Callbacks callbacks = {},

@@ -26,7 +26,7 @@ class PrivateServer {
   // Returns once the server is ready. Throws planish::Error with PRIVATE_SERVER_FAILED if planishd is not found, or
   // exits or does not answer while it starts; the message ends with its stderr.
   explicit PrivateServer(const PrivateServerOptions& options = {});
-  // The same without exceptions.
+  // The constructor without exceptions.
   static Result<PrivateServer> Make(const PrivateServerOptions& options = {});
   // The destructor stops the server (its jobs are cancelled), waits for it and removes the socket.
   PrivateServer(PrivateServer&&) = default;

@@ -272,7 +272,7 @@ struct ChartTotals {
   std::vector<float> newton_residuals;  // at the start and after each step: the largest residual of any chart
 };
 
-// One of several atlases.
+// One of the atlases, if there are several.
 struct AtlasPart {
   int atlas = 0;  // number of the atlas (MeshView::WithFaceAtlas)
   std::int64_t triangles = 0;
@@ -292,7 +292,7 @@ struct Atlas {
   double texels_per_unit = 0;  // per length on the surface, at weight 1, the least of all atlases; 0 without packing
   Effort effort = Effort::kNormal;
   AtlasLayout layout = AtlasLayout::kUdim;
-  // With WithFaceAtlas: one for each atlas number, ascending, at most 1024; otherwise empty.
+  // With MeshView::WithFaceAtlas: an entry for each atlas number, ascending, at most 1024; otherwise empty.
   std::vector<AtlasPart> atlases = {};
   double padding_kept = 0;  // texels kept free between charts: `padding`, or less if there was no room
 };

@@ -1,4 +1,4 @@
-// From UV per corner to UV per vertex, for renderers and most file formats.
+// Converts UV per corner to UV per vertex, as renderers and most file formats need them.
 #pragma once
 
 #include <cstdint>
