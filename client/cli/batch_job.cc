@@ -190,7 +190,7 @@ class BatchJob {
     return call;
   }
 
-  // Whether a queued job has ended. Clears `job` if the server no longer knows it.
+  // Whether a queued job has ended. If the server no longer knows it, clears `job` and returns true.
   bool HasEnded(std::string* job) {
     try {
       return IsTerminal(context_.client.GetJob(*job).state);

@@ -134,7 +134,7 @@ class FileFaces {
     return triangles;
   }
 
-  // " (face 3 (a.obj:12), face 9 (a.obj:40))"
+  // The first few of these polygons with their places in the file: " (face 3 (a.obj:12), face 9 (a.obj:40))".
   std::string Named(const std::vector<std::int64_t>& polygons) const {
     if (polygons.empty()) return "";
     std::string ids;

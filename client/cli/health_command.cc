@@ -33,7 +33,7 @@ std::string Check(HealthArguments& arguments) {
 }
 
 int Run(const HealthArguments& arguments, Interrupts& /*interrupts*/) {
-  const std::string& url = arguments.url;  // "http://HOST:PORT/PATH", as checked
+  const std::string& url = arguments.url;  // "http://HOST:PORT/PATH", as Check() requires
   const std::size_t path = url.find('/', std::string("http://").size());
   httplib::Client client(url.substr(0, path));
   client.set_connection_timeout(kSeconds);

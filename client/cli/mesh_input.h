@@ -43,7 +43,7 @@ class MeshInput {
   // The first file.
   const std::string& path() const { return parts_.front().file.path; }
   const MeshFile& file() const { return parts_.front().file; }
-  const Triangulation& triangulation() const { return parts_.front().triangulation; }  // without its mesh
+  const Triangulation& triangulation() const { return parts_.front().triangulation; }  // its member `mesh` is empty
   // The triangles of all files as one mesh, as sent to the server.
   const Mesh& mesh() const { return mesh_; }
   // A view of mesh(), valid as long as this object lives.
@@ -117,7 +117,7 @@ class MeshInput {
  private:
   struct Part {
     MeshFile file;
-    Triangulation triangulation;  // without its mesh
+    Triangulation triangulation;  // its member `mesh` is empty, since mesh_ has the triangles
     // The ids of the file's first vertex and face in mesh_, and of its first vertex and polygon among all files.
     std::int64_t first_vertex = 0;
     std::int64_t first_face = 0;

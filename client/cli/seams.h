@@ -20,7 +20,7 @@ struct SeamList {
   bool uv_is_optional = false;           // with `uv`: a file without UV is not an error (--preset)
   bool materials = false;                // edges between faces of different materials
   bool groups = false;                   // edges between faces of different objects or groups
-  std::vector<std::string> edge_files;   // of two vertex numbers per line
+  std::vector<std::string> edge_files;   // text files with two vertex numbers per line
   std::vector<std::string> uncut_files;  // edges at which no seam is added, in the same format
 
   // Whether any of the seams comes from a file, which the client reads.

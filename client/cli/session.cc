@@ -119,7 +119,7 @@ std::string ServerChoice::Description() {
 
 ServerChoice::~ServerChoice() {
   client_.reset();
-  private_server_.reset();  // may take a moment
+  private_server_.reset();  // waits for the server to end; the last words are still set meanwhile
   interrupts_.SetLastWords({});
 }
 

@@ -176,7 +176,7 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  Prefer prefer = Prefer::kSeams;  // with kAuto
+  Prefer prefer = Prefer::kSeams;  // for Seams::kAuto
   double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.25, 1.05 with
                            // Prefer::kTexture
   double hard_edge_degrees = 0;  // edges whose faces' normals differ by more are given seams; in (0, 180], 0: none
