@@ -43,8 +43,8 @@ class MeshInput {
   // The first file.
   const std::string& path() const { return parts_.front().file.path; }
   const MeshFile& file() const { return parts_.front().file; }
-  const Triangulation& triangulation() const { return parts_.front().triangulation; }  // its member `mesh` is empty
-  // The triangles of all files as one mesh, as sent to the server.
+  const Triangulation& triangulation() const { return parts_.front().triangulation; }  // without its mesh
+  // The mesh of all files, as sent.
   const Mesh& mesh() const { return mesh_; }
   // A view of mesh(), valid as long as this object lives.
   MeshView view() const;

@@ -110,8 +110,7 @@ std::string FileName(const std::string& path) {
 // The default tolerance of Newton's method (planish.v1.UnwrapOptions.tolerance).
 constexpr double kDefaultTolerance = 1e-9;
 
-// The page of UnwrapReport(), or of a sheet if `member` is not null. `output`: the file that was written; empty:
-// stdout.
+// `output`: the file that was written; empty: stdout.
 FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, const std::string& output,
                         const UnwrapOptions& unwrap, const Execution& execution, const SheetMember* member) {
   const Atlas& atlas = result.report.atlas;

@@ -61,8 +61,8 @@ std::string SheetPage(const std::string& title, const std::string& pages_from_sh
 // need not be in the unit square: a larger layout is scaled down.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
-// A page about the map of `result`; if `input` has UV, they are shown beside it. Warnings in `result` must have the
-// file's ids. `output`: the file that was written; "-" is stdout. `options`: the options of the unwrap.
+// A page about the map of `result`, whose warnings have the file's ids, beside the UV of `input`, if it has any.
+// `output`: the file that was written, "-" is stdout. `options`: the options of the unwrap.
 FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
                           const UnwrapOptions& options);
 
@@ -74,7 +74,7 @@ struct SheetPageJob {
   std::string made;    // SheetMember::made
 };
 
-// Writes the page of a file that was unwrapped, and returns its card.
+// Writes the page of a file that was unwrapped; gives its card.
 Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
                const UnwrapOptions& options);
 
@@ -95,7 +95,7 @@ MapCheckOptions CheckOptionsOf(const PageTiles& tiles);
 // Throws UV_MISSING if `map`, which is that of `input`, has no UV.
 void RequireUv(const MeshInput& input, const CheckedMap& map);
 
-// Writes a page about the UV of a file, and returns its card; null after a cancellation. Throws UV_MISSING.
+// Writes a page of a sheet; gives its card, null after an interrupt.
 Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const PageTiles& tiles, const Execution& execution);
 
 }  // namespace planish::cli
