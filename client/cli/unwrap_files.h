@@ -37,7 +37,7 @@ class UnwrapFiles {
               const OutputArguments& output);
 
   const MeshInput& input() const { return input_; }
-  // The mesh with the polygons, seams, atlases and weights from the files; valid as long as this object lives.
+  // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
   MeshView view() const;
   // The names of the atlases by their numbers; empty without --atlas-per.
   const std::vector<std::string>& atlas_names() const { return atlases_.names; }
