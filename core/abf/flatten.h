@@ -78,8 +78,9 @@ struct FlattenControl : Execution {
   // without having converged, instead of continuing with a barrier or another solver. For charts that can be cut.
   bool gives_up = false;
   // The most FlattenWork::work that the solve may take; 0: no limit. A solve that would take more ends without having
-  // converged (FlattenSummary::out_of_work); a barrier that would take more is given up. The limit does not apply to
-  // solvers without multigrid or a factorization, or with a fixed linear tolerance.
+  // converged (FlattenSummary::out_of_work). If it has converged with a barrier, and would take more without, it keeps
+  // the barrier. The limit does not apply to solvers without multigrid or a factorization, or with a fixed linear
+  // tolerance.
   std::int64_t most_work = 0;
   // Called on the calling thread: at the start, after every Newton step and every few dozen linear iterations.
   std::function<void(const FlattenProgress&)> on_progress = {};
@@ -130,7 +131,8 @@ struct FlattenSummary : FlattenWork {
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early
-  // FlattenControl::most_work ended the solve; if `converged`, f may have a minimum without `barrier`.
+  // FlattenControl::most_work ended the solve. If `converged`, the limit ended the attempt without `barrier`, so f
+  // alone may have a minimum.
   bool out_of_work = false;
   Residual residual;
   BoundaryReport boundary;

@@ -58,7 +58,8 @@ struct ConvexityTuning {
   // Least eigenvalue of a face's 3x3 block, relative to diag(f'') on the plane of angle changes that sum to zero. A
   // face below it is moved towards diag(f'') just far enough to reach it. Smaller: longer steps into directions where
   // the model is least accurate, and worse conditioned systems; larger: more steps. Sweep: matters only where many
-  // faces are not positive, and there both ways (1,644 iterations on "higher hills", 609 with half, 1,245 with double).
+  // faces are not positive, and there half and double are both better (1,644 iterations on "higher hills", 609 with
+  // half, 1,245 with double).
   double min_curvature = 0.02;
   // In the preconditioner of an indefinite system, the least absolute value of such an eigenvalue. At most
   // min_curvature.
@@ -191,8 +192,8 @@ struct StepTuning {
   std::int64_t max_iterations_without_fallback = 3000;
   // If the caller prefers cutting the chart (FlattenControl::gives_up), a system that takes more iterations ends the
   // solve. The 84 shared meshes, and nets of 444,216 and 507,360 faces, have the same charts as without this limit. So
-  // have 39,366 faces with slivers and 38,576 of one mesh forty times over, whose solves take 0.38 of the time. With
-  // 15, a mesh that is refined towards points has other charts.
+  // have a mesh of 39,366 faces with slivers, and one of 38,576 faces that holds the same mesh forty times; their
+  // solves take 0.38 of the time. With 15, a mesh that is refined towards points has other charts.
   std::int64_t iterations_to_give_up = 25;
   // MINRES on an indefinite system gives up after the larger of these: a count, and a multiple of the last positive
   // system's iterations.
@@ -209,16 +210,18 @@ struct StepTuning {
 //
 // If multigrid fails, a Cholesky factorization may replace it on charts of at most this many faces.
 inline constexpr std::int32_t kMostFallbackFaces = 50'000;
-// Bytes a face of its factor, in the order of minimum degree: a chart of 50,000 faces takes 1,310 bytes a face in all.
+// Bytes per face of the Cholesky factor, ordered by minimum degree. In all, a chart of 50,000 faces takes 1,310 bytes
+// per face.
 inline constexpr std::int64_t kFallbackBytesPerFace = 1100;
-// Limit for the exact solves on the rows of weak faces: a part of the reservation for multigrid.
+// Most bytes for the exact solves on the rows of weak faces, per face and at least. Part of the reservation for
+// multigrid.
 inline constexpr std::int64_t kPatchBytesPerFace = 100, kLeastPatchBytes = 1'000'000;
 
 // The active set of a convex boundary (boundary_control.h).
 struct BoundaryTuning {
-  // The angles for a set that may be wrong are solved for to this part of how wrong the last set was, within the
-  // tolerance and rough_tolerance (rad). Larger: cheaper solves, more changes of the set. Sweep: half the
-  // rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary; double saves one.
+  // While a set may be wrong, its angles are solved for to a residual of this part of how wrong the last set was, but
+  // at least the tolerance and at most rough_tolerance (rad). Larger: cheaper solves, more changes of the set. Sweep:
+  // half the rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary; double saves one.
   double rough_part = 0.1;
   double rough_tolerance = 1e-2;
   // A rough solve ends after rough_steps Newton steps. Its angles are good enough to judge the set if constraints hold
