@@ -1,4 +1,4 @@
-// A mesh as input of charts: which faces take part, which are neighbours, and their sizes.
+// The surface that is cut into charts: its faces, their sizes, and which of them are neighbours.
 #pragma once
 
 #include <array>
@@ -46,7 +46,7 @@ struct Surface {
   // Edges of more than two faces: their half-edges, by corner, that no given seam separates. Any two of opposite
   // directions may be joined (MayJoin(), Rejoin()).
   std::vector<std::vector<std::int32_t>> crowded_edges;
-  double hard_cosine = -2;         // of GivenSeams::hard_edge_degrees; -2: no edge is hard
+  double hard_cosine = -2;         // cosine of GivenSeams::hard_edge_degrees; -2: no edge is hard
   std::vector<char> kind;          // GivenSeams::kind
   std::vector<std::int32_t> part;  // GivenSeams::part
 
@@ -58,7 +58,7 @@ struct Surface {
   std::int32_t face_across(HalfedgeHandle h) const {
     return mesh->face_handle(mesh->opposite_halfedge_handle(h)).idx();
   }
-  // Whether a half-edge must be glued to its opposite.
+  // Whether a half-edge is inside a polygon or given as uncut, so that it must be glued to its opposite.
   bool is_uncut(HalfedgeHandle h) const { return mesh->data(mesh->edge_handle(h)).is_uncut; }
   // Cosine of the angle between the normals of the two faces at an inner edge; 1 if one of them has no area.
   double bend_cosine(HalfedgeHandle h) const { return bend_cosine(mesh->face_handle(h).idx(), face_across(h)); }
