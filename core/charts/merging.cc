@@ -18,7 +18,7 @@ namespace {
 constexpr double kScoreUnit = 1e-6;
 constexpr std::int32_t kReportStride = 256;  // discs or joints
 constexpr double kFirstEstimates = 0.2;      // of the time of Run()
-constexpr double kNearLimit = 0.999;  // a step of the limit above this part of the last limit is skipped
+constexpr double kNearLimit = 0.999;         // a step of the limit above this part of the last limit is skipped
 
 struct Disc {
   std::vector<std::int32_t> faces;     // empty: merged into another disc

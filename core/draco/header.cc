@@ -11,7 +11,7 @@ namespace planish {
 namespace {
 
 constexpr std::string_view kDracoMagic = "DRACO";
-// Metadata and entries that are skipped. If there are more, the counts are unknown.
+// The most metadata and entries that are skipped. If there are more, the counts are unknown.
 constexpr int kMostMetadata = 100'000;
 constexpr std::uint16_t kOldestWithMetadata = DRACO_BITSTREAM_VERSION(1, 3);
 // From these versions on, numbers have variable length.

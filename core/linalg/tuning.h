@@ -63,14 +63,15 @@ struct MultigridTuning {
   // finest level, since the dense matrix would take more memory than all other levels.
   std::int64_t max_dense_rows = 500;
   // omega times the largest eigenvalue of D^-1 A: the damping of the prolongation's smoother that is best for all
-  // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: half of it costs half as many iterations again
-  // on easy discs, double of it twice as many.
+  // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: on easy discs half of it takes 1.5 times as many
+  // iterations, double of it twice as many.
   double omega = 4.0 / 3;
   // Rows with more couplings than this are not smoothed in the prolongation: such a row would connect the aggregates of
   // all its neighbours with each other, which gives n^2 blocks in the coarse matrix where n triangles meet at a vertex.
   // A regular mesh has 7 couplings a row, and about 20 on coarse levels.
   std::int64_t most_smoothed_couplings = 100;
-  // Factor on the estimate of that eigenvalue, which is too low, and the number of power iterations for it.
+  // The largest eigenvalue of D^-1 A is estimated by power iterations, which give too low a value: a factor on that
+  // value, and the number of iterations.
   double eigenvalue_margin = 1.05;
   std::int64_t power_iterations = 8;
   // Part of the diagonal block's own positivity that the couplings between chunks may use up before rows are damped

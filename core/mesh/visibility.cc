@@ -65,13 +65,13 @@ float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const 
   return OpenShare(solid, middle, normal, directions);
 }
 
-// How many places of a scene may be looked at.
+// The number of faces that may be sampled.
 std::size_t MostPlaces(const RayScene& scene) {
   return static_cast<std::size_t>((kFirstRays + kRaysPerFace * static_cast<double>(scene.faces.size())) /
                                   static_cast<double>(kRays));
 }
 
-constexpr std::int64_t kSamples = 64;  // of a chunk
+constexpr std::int64_t kSamples = 64;  // sampled faces per chunk
 
 // Spreads the values of the sampled faces to the others, over shared vertices.
 void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<float>* value) {

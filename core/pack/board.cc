@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 // Silhouettes added to a row before its longest run of free cells is measured again.
 constexpr int kStale = 8;
-// What a search costs in nanoseconds, beside the cells of the rim: for each row, each probe, and each word of a probe.
+// Cost of a search in nanoseconds: per row, per probe, and per word of a probe. Each cell of the rim costs 1 more.
 constexpr std::int64_t kNanosPerRow = 1, kNanosPerProbe = 4, kNanosPerWord = 2;
 
 // The longest run of bits that are 0.
@@ -33,7 +33,8 @@ int LongestRun(const std::uint64_t* words, int count) {
 
 }  // namespace
 
-// First the row with the longest span, then the first and the last row, then rows in between, spread out.
+// Orders the probes by rows: the row with the longest span, the first and the last row, then rows in between, spread
+// out.
 Probes::Probes(const Silhouette& s) {
   all.reserve(s.spans.size());
   std::vector<std::int32_t> longest_of(s.height, 0);

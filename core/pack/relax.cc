@@ -17,7 +17,7 @@ constexpr std::int64_t kLookWork = 9, kContactWork = 20, kFarContactWork = 2, kB
 constexpr double kTurningPart = 1.5;  // radius of a chart over its turning radius
 constexpr double kShare = 0.5;        // part of a missing distance by which each of the two charts moves
 
-// Points along the edges, at most `spacing` apart. Skips vertices within half of that of the last sample.
+// Points along the edges, at most `spacing` apart. Skips vertices that are within half the spacing of the last sample.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
   std::vector<Vec2> samples;
   std::int32_t last = -1;  // where the previous edge ended
@@ -140,7 +140,9 @@ double Relaxer::Step() {
   if (contacts_.age == 0 || (contacts_.age >= kContactLife && have_moved())) FindContacts();
   ++contacts_.age;
   std::int64_t looked_at = 0;  // contacts evaluated
-  // Sums of missing * row and of row * row^T (upper half only).
+  // The normal equations for the motion of a body: sums over its contacts of row * row^T (upper half only) and of
+  // missing * row. A row (x, y, t) says by how much the body's motion along x, along y and in rotation changes the
+  // distance.
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
     double x = 0, y = 0, t = 0;

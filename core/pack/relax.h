@@ -35,7 +35,7 @@ class Relaxer {
   void set_scale(double scale);
   // The cost so far in about nanoseconds, counted in steps of the algorithm.
   std::int64_t work() const { return spent_.work; }
-  // Per chart, added to the distance; initially 0.
+  // Per chart: a length by which its distances from others must be larger; initially 0.
   std::vector<double>& margins() { return margins_; }
 
   // Grows the charts by a factor of `growth` at a time, until `patience` steps in a row have not separated them, or

@@ -184,7 +184,7 @@ class Series final : public TrialSeries {
     return *slot;
   }
 
-  // Angles that differ by right angles are made from each other: a new silhouette from the outline could lie
+  // Silhouettes at angles that differ by right angles are made from each other: one made from the outline could lie
   // differently in its cells.
   Shape MakeShape(std::int32_t i, int turn, int level) {
     const int half = shared_.angles % 2 == 0 ? shared_.angles / 2 : shared_.angles;
@@ -274,7 +274,7 @@ class Series final : public TrialSeries {
     int angles = 0;
     bool keeps = false;                                   // whether shapes of all charts are kept, by chart and angle
     std::vector<std::unique_ptr<Shape>> shapes;           // if not kept, those of one chart
-    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot; if kept
+    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // of shapes on coarser levels: on level 0; if kept
     std::int32_t chart = -1;                              // the chart of these shapes, if they are not kept
   };
   Shared shared_;

@@ -33,7 +33,7 @@ struct PackTuning {
   // texture on average with 2e6 and 20e6, 1.5e6 and 15e6, and 1.2e6 and 12e6.
   double least_per_few = 1.2e6, least_work = 12e6, least_per_chart = 25'000;
 
-  // Least work of PackEffort::kBest: for each chart, up to the second number in total.
+  // Least work of PackEffort::kBest: best_per_few for each chart, up to least_best_work in total.
   double best_per_few = 2e9, least_best_work = 60e9;
 
   // Trials (trial.h). Cells along an average chart, and along a tile. More cells place charts closer and cost more.
@@ -82,13 +82,13 @@ struct PackTuning {
   // first steps.
   std::int64_t one_lane_work = 1'000'000'000;
   // Moves of single charts in a hop. With 200 and 2 in place of 300 and 3, packing takes 0.93 of the time, and the
-  // copies of charts/tuning.h fill 0.8299 in place of 0.8307 of the texture.
+  // copies of scans that charts/tuning.h describes fill 0.8299 in place of 0.8307 of the texture.
   std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // More charts than this are not rearranged, which would take much memory and seldom find places. They only grow.
   std::size_t most_to_rearrange = 1000;
-  // By how much a hop of either lane may fall short of its record (0.740 of the texture on those meshes; with 0 and
-  // 0.002 0.739, with 0.002 and 0.02 0.739), and the hops without a record after which the second lane returns to the
-  // best.
+  // By how much a hop of either lane may fall short of its record (the 21 meshes above fill 0.740 of the texture; with
+  // 0 and 0.002 0.739, with 0.002 and 0.02 0.739), and the hops without a record after which the second lane returns to
+  // the best.
   std::array<double, 2> hop_down = {0.001, 0.005};
   int hops_away = 2;
   // Growth and patience (in steps) at the end of a hop.
