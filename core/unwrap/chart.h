@@ -67,8 +67,9 @@ struct ChartFaults {
 // The diameter of a circle that holds these points; there must be at least one.
 double ExtentOf(const std::vector<Vec2>& points);
 
-// `resolution`: the rounding of delivered positions, in units of the surface; 0: none. Overlaps caused by rounding
-// count, as where an outline touches itself; triangles flipped or collapsed by rounding do not.
+// Finds the faults of a map, without faces marked in `ignored`. `resolution`: the rounding of delivered positions, in
+// units of the surface; 0: none. Overlaps caused by rounding count, as where an outline touches itself; triangles
+// flipped or collapsed by rounding do not.
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution);
 
@@ -80,7 +81,7 @@ absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flatt
 // such charts, so all share one summary.
 absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
                                         std::shared_ptr<const FlattenSummary> summary, const Execution& execution);
-// The second part of both: from positions in any unit to the map.
+// The second part of LayOutChart() and LayOutTriangle(): makes the map from positions in any unit.
 absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, std::shared_ptr<const FlattenSummary> summary,
                                     std::vector<Vec2> positions, const Execution& execution);
 

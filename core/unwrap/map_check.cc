@@ -269,7 +269,8 @@ class MapJudge {
 
   static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
-  // On the surface, to which faces without three different vertices do not belong.
+  // Whether two half-edges are on one edge of the surface, to which faces without three different vertices do not
+  // belong.
   bool OnOneEdge(std::int32_t c, std::int32_t d) const {
     const std::vector<Face>& faces = mesh_.faces;
     return HasThreeCorners(faces[c / 3]) && HasThreeCorners(faces[d / 3]) &&
@@ -302,7 +303,7 @@ class MapJudge {
                                       options_.min_padding * texel, kMaxSpacingTests, execution_);
     check_.spacing.nearest.distance /= texel;
     for (ChartPair& pair : check_.spacing.near) pair.distance /= texel;
-    // A chart that overlaps another one is not apart from it, however far from its outline.
+    // Charts that overlap have the distance 0, however far apart their outlines are.
     for (std::size_t i = 0; i + 1 < check_.overlapping_pairs.size(); i += 2) {
       const auto [a, b] = std::minmax(topology_.chart_of_face[check_.overlapping_pairs[i]],
                                       topology_.chart_of_face[check_.overlapping_pairs[i + 1]]);

@@ -16,7 +16,7 @@ namespace planish {
 CornerUv RoundToFloat(const CornerUv& uv, bool flips, const Execution& execution) {
   CornerUv rounded(uv.size());
   execution.ForEach(static_cast<std::int64_t>(uv.size()), [&](std::int64_t i) {
-    // Below 0.5, floats are closer to each other than those above 0.5, and 1 - v would have to be rounded.
+    // Floats below 0.5 are closer to each other than those above, so 1 - v might not be a float: rounds 1 - v there.
     rounded[i] = flips && i % 2 == 1 && uv[i] < 0.5 ? 1 - static_cast<double>(static_cast<float>(1 - uv[i]))
                                                     : static_cast<double>(static_cast<float>(uv[i]));
   });
@@ -183,7 +183,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
 
 using Triangle = std::array<Vec2, 3>;  // counter-clockwise
 
-// Makes face f counter-clockwise. False if it has no interior that counts.
+// Stores face f in `triangle`, counter-clockwise. False if it has no interior that counts.
 bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int32_t f, Triangle* triangle) {
   Triangle& t = *triangle = TriangleOf(uv, f);
   const int sign = Orientation(t);
