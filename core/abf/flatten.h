@@ -113,7 +113,7 @@ struct FlattenWork {
   // The reason of the first failure: "Newton step 4: iteration limit after 100 iterations, residual 1.2e-03 of the
   // right-hand side"; empty without failures.
   std::string linear_failure;
-  // What multigrid had to do without, and why (StepSolver::left_out); empty if nothing was missing in any step.
+  // The part of multigrid that was left out in some step, and why (StepSolver::left_out()); empty if there was none.
   std::string preconditioner_note;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps with an exact Hessian that was not positive, by MINRES
@@ -127,7 +127,7 @@ struct FlattenSummary : FlattenWork {
   PreconditionerType preconditioner = PreconditionerType::kNone;
   bool preconditioner_changed = false;  // multigrid failed, and a Cholesky factorization replaced it
   std::string multigrid_failure;        // why multigrid failed; empty if it did not
-  // As requested; for kAuto: kExact if some step used an exact Hessian that was not positive.
+  // The requested type. For kAuto: kExact if some step used an exact Hessian that was not positive, otherwise kConvex.
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early

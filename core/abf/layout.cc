@@ -103,7 +103,7 @@ class ShortestFirst {
     return queue.head + kAhead < queue.half_edges.size() ? queue.half_edges[queue.head + kAhead] : -1;
   }
 
-  // -1 if the queue is empty.
+  // Removes the next half-edge and returns it; -1 if the queue is empty.
   std::int32_t Pop() {
     for (; first_ < queues_.size(); ++first_) {
       Queue& queue = queues_[first_];

@@ -1,4 +1,4 @@
-// From angles to positions in the plane: first every edge as a vector, then sums of edges.
+// Computes positions in the plane from angles: first every edge as a vector, then sums of edges.
 //
 // The edges of a triangle follow from those of a neighbour by one rotation and one scaling, along a spanning tree of
 // the dual graph, so the error of an edge stays small relative to its length. Positions are sums of edges along a

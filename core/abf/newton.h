@@ -42,10 +42,10 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From StartingAngles() and mu = 0 to a minimum of f. If angles collapse, the method continues with a barrier, then
-  // tries without one from there. The barrier is kept if f alone has no minimum with positive angles.
+  // Goes from StartingAngles() and mu = 0 to a minimum of f. If angles collapse, the method continues with a barrier,
+  // then tries without one from there. The barrier is kept if f alone has no minimum with positive angles.
   absl::StatusOr<FlattenSummary> Run();
-  // From `start` to a minimum of f with the barrier of `start`, or until angles collapse. Counts continue from
+  // Goes from `start` to a minimum of f with the barrier of `start`, or until angles collapse. Counts continue from
   // `before`.
   absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start, const FlattenWork& before);
 
@@ -118,7 +118,7 @@ class Newton {
   // Calls on_progress. The arguments are those of the current linear solve.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
 
-  // Not reset by Forget().
+  // The state that Forget() does not reset.
   struct History {
     // Of the latest step.
     double length = 0;                          // 0: no step was taken

@@ -118,8 +118,8 @@ class StepSolver {
   LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; the one for indefinite systems
   bool limit_indefinite_ = true;
   Iterate iterate_;
-  // Kept from step to step to build preconditioners, and S: in float for multigrid, which itself works in float, in
-  // double for all others.
+  // Objects that are kept from step to step to build preconditioners, and S itself: in float for multigrid, which works
+  // in float, in double for everything else.
   struct {
     std::unique_ptr<ReducedMatrix<float>> s;
     std::unique_ptr<Multigrid> multigrid;

@@ -219,9 +219,10 @@ inline constexpr std::int64_t kPatchBytesPerFace = 100, kLeastPatchBytes = 1'000
 
 // The active set of a convex boundary (boundary_control.h).
 struct BoundaryTuning {
-  // While a set may be wrong, its angles are solved for to a residual of this part of how wrong the last set was, but
-  // at least the tolerance and at most rough_tolerance (rad). Larger: cheaper solves, more changes of the set. Sweep:
-  // half the rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary; double saves one.
+  // A set that may be wrong is solved for to a residual of rough_part times how wrong the last set was
+  // (ActiveSet::Worst()), but not below the tolerance and not above rough_tolerance (rad). Larger: cheaper solves, more
+  // changes of the set. Sweep: half the rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary;
+  // double saves one.
   double rough_part = 0.1;
   double rough_tolerance = 1e-2;
   // A rough solve ends after rough_steps Newton steps. Its angles are good enough to judge the set if constraints hold

@@ -40,7 +40,7 @@ struct Execution {
     part.progress_end = progress_begin + end * whole;
     return part;
   }
-  // The same requests, without the team.
+  // An Execution with the same requests, but without the team and without progress.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
   ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }
   // IsCancelled(), checked once in kStride steps.

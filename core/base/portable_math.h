@@ -105,7 +105,7 @@ inline double Sin(double x) {
 inline double Cos(double x) {
   return SinCos(x).cosine;
 }
-// To 3 units in the last place.
+// The tangent of x, to 3 units in the last place.
 inline double Tan(double x) {
   const auto [sine, cosine] = SinCos(x);
   return sine / cosine;
@@ -205,7 +205,7 @@ inline double Log(double x) {
   return k * internal::kLn2High - ((half - (s * (half + (odd + even)) + k * internal::kLn2Low)) - f);
 }
 
-// 0 below -745.2 and infinity above 709.8.
+// e^x: 0 below -745.2 and infinity above 709.8.
 inline double Exp(double x) {
   if (std::isnan(x)) return x;
   if (x > 709.79) return internal::kInfinity;
@@ -219,7 +219,7 @@ inline double Exp(double x) {
       internal::Horner(r, 1.0 / 87178291200, 1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800,
                        1.0 / 362880, 1.0 / 40320, 1.0 / 5040, 1.0 / 720, 1.0 / 120, 1.0 / 24, 1.0 / 6, 1.0 / 2);
   const double value = 1 + (r + (rest + r * r * p));
-  // In two steps, since 2^k may overflow or underflow.
+  // Multiplies by 2^k in two steps, since 2^k itself may overflow or underflow.
   const int n = static_cast<int>(k), half = n / 2;
   return value * internal::PowerOfTwo(half) * internal::PowerOfTwo(n - half);
 }

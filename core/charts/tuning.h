@@ -12,8 +12,8 @@ struct PackerCuts {
   // The area that a cut must save, in mean areas of charts, if a stretch of 1.05 is allowed. Grows with the square of
   // the allowed stretch minus 1, since users who allow more stretch want fewer charts.
   double hull_gain;
-  // This over the number of charts is added to hull_gain: where charts are few, each cut is a large part of their
-  // number.
+  // Divided by the number of charts, this is added to hull_gain: where charts are few, each cut adds a large part to
+  // their number.
   double few_hull_gain;
   // The cost of a cut: the area of a strip along it of this width, in sides of the square that all charts would fill.
   double cut_width;

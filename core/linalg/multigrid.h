@@ -41,7 +41,7 @@
 
 namespace planish {
 
-// Not thread-safe.
+// The levels, and the V-cycle as a preconditioner. Not thread-safe.
 class Multigrid {
  public:
   explicit Multigrid(const MultigridTuning& tuning = {}) : tuning_(tuning) {}

@@ -15,7 +15,7 @@
 
 namespace planish {
 
-// Not thread-safe; independent objects may be used on different threads.
+// The factorization of one matrix. Not thread-safe; independent objects may be used on different threads.
 class SparseCholesky {
  public:
   // Limits the size of the factor, in bytes; no limit by default.

@@ -114,8 +114,9 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const FlatImport& imported,
                          const Execution& execution = {});
 
-// Accepts any mesh. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED after a
-// cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
+// Describes a mesh and all of its faults. Accepts any mesh. O(F + V log V) for bounded valence. The same result for any
+// number of threads. CANCELLED after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces
+// or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
 
 // OK if `mesh` is a disc: manifold, consistently oriented, connected, with one boundary loop, no handles and no face

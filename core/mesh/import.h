@@ -57,8 +57,8 @@ struct Pairing {
   bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }
 };
 
-// Accepts any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a cancellation the result is incomplete
-// and must not be used.
+// Decides which half-edges are joined. Accepts any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a
+// cancellation the result is incomplete and must not be used.
 //
 // `polygon`: per face the number of the polygon that it is a triangle of; empty if every face is a polygon. A diagonal
 // is an edge between two triangles of one polygon that run along it in opposite directions. These two are always

@@ -140,7 +140,7 @@ class Solid {
   // The first triangle of a leaf.
   std::size_t Begin(std::size_t leaf) const { return leaf * triangles_.size() / leaves_; }
 
-  // Moeller and Trumbore 1997.
+  // Whether a ray meets a triangle (Moeller and Trumbore 1997).
   static bool Meets(const std::array<Point, 3>& triangle, const Point& origin, const Point& direction) {
     float t = 0, u = 0, v = 0;
     return Meets(triangle, origin, direction, &t, &u, &v);

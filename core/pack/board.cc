@@ -110,7 +110,7 @@ Rim MakeRim(const Silhouette& s, int most) {
 Board::Board(int most_side, int longest) : stride_((most_side + 2 * kMargin + 63) / 64 + 2) {
   assert(most_side <= kMostCells);
   const int size = most_side + 2 * kMargin;
-  // Enough levels to test the longest span that fits.
+  // The number of levels that suffices to test the longest span.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size, kAll));
 }

@@ -80,7 +80,7 @@ class Board {
   const std::uint64_t* Row(int level, int y) const {
     return levels_[level].data() + static_cast<std::size_t>(y) * stride_;
   }
-  // Sets one bit for each place in row y; returns whether there are any.
+  // Sets one bit in `places` for each x at which the silhouette fits in row y. Returns whether there are any.
   bool FreePlaces(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const;
   // The same for a number of words known at compile time; 0 means any number.
   template <int kWords>

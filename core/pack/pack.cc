@@ -263,13 +263,13 @@ class Packer {
     SetUnit(scale);
     return grid_.side;
   }
-  // The same for scales up to the largest that is allowed.
+  // GridFor() of this scale, or of the largest that is allowed if that is smaller.
   int GridUpTo(double scale) {
     if (scale < options_.most_scale) return GridFor(scale);
     SetUnit(options_.most_scale);
     return grid_.side;
   }
-  // From now on, a grid of the usual side has this scale.
+  // Sets the size of cells: from now on, a grid of the usual side has this scale.
   void SetUnit(double scale) {
     grid_.unit = scale * grid_.side / grid_.extent;
     made_.most_side = -1;

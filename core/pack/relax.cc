@@ -102,7 +102,7 @@ void Relaxer::FindContacts() {
   const auto collect = [&](std::int32_t a, std::int32_t b) {  // collects the samples of a near b
     const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
     const DistanceField& field = fields_[b];
-    // From the frame of a to that of b.
+    // The motion from the frame of a to that of b.
     Rotation own = turns[b];
     own.cosine /= unit * unit;
     own.sine /= unit * unit;

@@ -68,7 +68,7 @@ class Relaxer {
   double Moved(const Contact& contact) const {
     return contacts_.moved[contact.body] + (contact.other < 0 ? 0 : contacts_.moved[contact.other]);
   }
-  // One step; returns the largest missing distance.
+  // Moves all charts by one step; returns the largest missing distance.
   double Step();
 
   const std::vector<DistanceField>& fields_;

@@ -48,9 +48,9 @@ class TrialSeries {
   // their silhouettes. Trials with the same number of angles share them.
   virtual void Resize(std::vector<double> scales, double radius) = 0;
 
-  // A trial on grids of side x side cells. Each chart goes near the lowest row with room for it, where it lies
-  // snuggest. Ends as soon as the area without a place exceeds most_missing. Stores the poses of placed charts in
-  // *poses, in cells from the corner of the grid.
+  // Runs a trial on grids of side x side cells. Each chart goes near the lowest row with room for it, to the place with
+  // the most taken cells around it. Ends as soon as the area without a place exceeds most_missing. Stores the poses of
+  // placed charts in *poses, in cells from the corner of the grid.
   virtual TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
                           std::vector<Pose>* poses) = 0;
 };

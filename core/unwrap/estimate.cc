@@ -31,7 +31,7 @@ constexpr double kBytesPerTile = 0.25e6;
 // with which that grows beyond. Measured: 1,310 bytes a face of 50,000, 1,390 of 200,000.
 constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
 constexpr double kBytesPerByte = 2;  // per encoded byte, while the mesh is decoded
-// The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
+// A single triangle has three vertices: this many more than half a vertex per face, as closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
 
 constexpr double kSecondsPerByte = 1e-8;

@@ -30,7 +30,7 @@ struct FaceSizes {
   bool HasStretch() const { return orientation != 0 && uv_area != 0 && surface_area > 0; }
 };
 
-// Over the angles of faces, degrees.
+// Errors of the angles of faces, degrees.
 struct AngleErrors {
   double sum = 0, angles = 0;
 
@@ -141,7 +141,7 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
-  // Faces with fewer than three different places join nothing.
+  // Finds the half-edges that the map joins. Faces with fewer than three different places join nothing.
   void JoinEdges() {
     const std::vector<std::int32_t>& place = topology_.place_of_corner;
     is_joined_.assign(place.size(), 0);
@@ -197,7 +197,7 @@ class MapJudge {
       own.Add(InMap(f).data(), OnSurface(f).data());
       all.Add(own);
       of_chart[topology_.chart_of_face[f]].Add(own);
-      // From the mean of the squared singular values of the inverse map, and from their product.
+      // The singular values of the inverse map, from the mean of their squares and from their product.
       const double mean = own.stretch / own.surface_area, product = own.surface_area / own.uv_area;
       const double larger = std::sqrt(mean + std::sqrt(std::max(0.0, (mean - product) * (mean + product))));
       const double smaller = product / larger;

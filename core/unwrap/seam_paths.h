@@ -25,7 +25,7 @@ std::vector<SeamPath> SeamPaths(const Segmentation& segmentation);
 // Whether these half-edges still are a path.
 bool IsPath(const Gluing& gluing, std::span<const HalfedgeHandle> path);
 
-// Not thread-safe.
+// Finds cheaper ways for seams. Not thread-safe.
 class SeamRouter {
  public:
   // All must outlive this.

@@ -68,7 +68,8 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
 }
 
 // The approximate rounding unit of UV in the allowed tiles, in units of the surface. Charts are assumed to fill a part
-// of the tiles. The unit is largest at the far end of a row of tiles; `last_digit` is the unit of numbers from 1/2 to 1.
+// of the tiles. The unit is largest at the far end of a row of tiles; `last_digit` is the unit of numbers from 1/2
+// to 1.
 double Resolution(const UnwrapOptions& options, double area, double last_digit) {
   constexpr double kFilled = 0.5;
   const int tiles = options.pack ? options.atlas.tiles : 1;

@@ -41,7 +41,7 @@ enum class SeamPolicy {
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };
 
-// What SeamPolicy::kAuto places seams for.
+// The purpose for which SeamPolicy::kAuto places seams.
 enum class SeamPreference {
   kSeams,    // few, short and hidden seams (core/charts/seam_cost.h)
   kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
@@ -58,7 +58,7 @@ struct SeamOptions {
   // chart can cross still separate charts.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
-  // below this, as far as cutting helps. In [1.001, 100]; without: AtlasTuning::seams_stretch or texture_stretch.
+  // below this, as far as cutting helps. In [1.001, 100]. Default: AtlasTuning::seams_stretch or texture_stretch.
   std::optional<double> max_stretch;
 };
 
@@ -163,7 +163,7 @@ struct ChartReport {
   double stretch_l2 = 1;                          // as Quality::stretch_l2, of this chart by itself
 };
 
-// One of several atlases.
+// The report of one of several atlases.
 struct AtlasReport {
   std::int32_t atlas = 0;  // its number in UnwrapOptions::face_atlas
   std::int64_t faces = 0;

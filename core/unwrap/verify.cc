@@ -117,7 +117,8 @@ bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
   return true;
 }
 
-// Whether the outlines of other charts wind round some point of each chart's outline; also true after too many tests.
+// Whether some chart lies inside another one: the outlines of other charts wind round a point of its outline. Also true
+// after too many tests.
 bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
   std::vector<Box> box_of_chart(outlines.num_charts);
@@ -133,7 +134,7 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
     const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
     const Box at = Box::Around(p, p);
     Box ray = at;
-    // Only charts whose box has the point can wind round it.
+    // Only charts whose box holds the point p can wind round it.
     const auto may_hold = [&](std::int32_t other) { return other != chart && charts.boxes()[other].Meets(at); };
     charts.ForEachMeeting(at, [&](std::int32_t other) {
       if (other != chart) ray.Add(Vec2(charts.boxes()[other].high.x(), p.y()));

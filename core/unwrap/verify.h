@@ -74,13 +74,14 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
                             const OrientationFaults& orientation, std::int64_t max_tests,
                             const Execution& execution = {}, const std::vector<char>& ignored = {});
 
-// Exact. `opposite` says which corners face the same edge (-1: none, an outline; Topology::opposite), and so which
-// faces form a chart. If every triangle keeps its orientation and outlines intersect neither themselves nor each other,
-// a chart is injective: every point is covered as often as the chart's outlines wind round it, which is once (they are
-// simple curves, one of which runs counter-clockwise round all the others, which run clockwise). Charts then overlap
-// only if one is inside another, which winding numbers show. This takes O(b log b) for b outline edges. Otherwise
-// FindOverlaps() tests pairs of triangles; if too many boxes intersect, as in large fans, FindOneOverlap() decides, in
-// O(F log F) in all. Triangles without area have no interior, and faces marked in `ignored` (empty: none) are left out.
+// Counts overlapping pairs of triangles, exactly. `opposite` says which corners face the same edge (-1: none, an
+// outline; Topology::opposite), and so which faces form a chart. If every triangle keeps its orientation and outlines
+// intersect neither themselves nor each other, a chart is injective: every point is covered as often as the chart's
+// outlines wind round it, which is once (they are simple curves, one of which runs counter-clockwise round all the
+// others, which run clockwise). Charts then overlap only if one is inside another, which winding numbers show. This
+// takes O(b log b) for b outline edges. Otherwise FindOverlaps() tests pairs of triangles; if too many boxes intersect,
+// as in large fans, FindOneOverlap() decides, in O(F log F) in all. Triangles without area have no interior, and faces
+// marked in `ignored` (empty: none) are left out.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
                        const std::vector<char>& ignored = {}, std::int64_t max_pairs = kMaxOverlaps);
