@@ -113,7 +113,8 @@ class Newton {
   absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
   // The smallest ratio of an angle to its target.
   double SmallestRatio() const;
-  // Whether angles collapse (BarrierTuning); never with a barrier. Counts steps, so it is called once after each.
+  // Whether angles collapse (BarrierTuning); false if there is a barrier.
+  // Counts steps, so it is called once after each step.
   bool AnglesCollapse();
   // Calls on_progress. The arguments are those of the current linear solve.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
@@ -123,7 +124,7 @@ class Newton {
     // Of the latest step.
     double length = 0;                          // 0: no step was taken
     bool cut_short = false;                     // a stop request ended a linear solve
-    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
+    std::vector<std::int32_t> weak_faces = {};  // set by Convexify()
     // Since a stop was requested.
     std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
     bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed

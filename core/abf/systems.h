@@ -100,7 +100,7 @@ class ReducedMatrix {
   const Topology& topology_;
   ThreadTeam& team_;
   BlockMatrix<Scalar> matrix_;
-  std::vector<std::int32_t> diagonal_;  // block of each row
+  std::vector<std::int32_t> diagonal_;  // per row: its diagonal block
 };
 
 }  // namespace planish

@@ -187,7 +187,7 @@ inline double Log(double x) {
     if (x == 0) return -internal::kInfinity;
     if (x == internal::kInfinity) return x;
     if (!(x > 0)) return internal::kNaN;
-    x *= 0x1p54;  // subnormal
+    x *= 0x1p54;  // x is subnormal
     scale = -54;
   }
   // x = 2^k (1 + f) with 1 + f in [sqrt(1/2), sqrt(2)).

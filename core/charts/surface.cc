@@ -83,7 +83,7 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
 
 }  // namespace
 
-// If a face has no area, the normals of two neighbours may differ by more than the angle of a hard edge.
+// No edge of a face without area is a hard edge, whatever the normals of its two faces.
 bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
   if (!kind.empty() && kind[f] != kind[g]) return false;
   if (!part.empty() && part[f] != part[g]) return false;

@@ -51,7 +51,7 @@ struct AtlasTuning {
 
   // ---- Patches (charts/patches.cc), from which charts are merged.
   double patch_deviation = 0.08;  // 1 - length of the mean normal: a spherical cap of 33 degrees from its middle
-  double patch_cosine = 0.7;      // least, between the mean normals of two patches that are joined
+  double patch_cosine = 0.7;      // least cosine between the mean normals of two patches that are joined
 
   // ---- Merging (charts/merging.cc).
   // Weight of an edge of a joint: the cosine of the bend, but at least this, so that right angles are joined last.
@@ -71,8 +71,8 @@ struct AtlasTuning {
   double seams_widest = 1.95 * std::numbers::pi;
 
   // ---- Stretch estimates (charts/stretch_estimate.h).
-  double estimate_tolerance = 1e-2;  // PoissonSolver::Solve()
-  int estimate_iterations = 200;     // at most, of conjugate gradients
+  double estimate_tolerance = 1e-2;  // tolerance of PoissonSolver::Solve()
+  int estimate_iterations = 200;     // most iterations of conjugate gradients
   double map_tolerance = 1e-3;       // the same where an outline is made of the estimate (unwrap/chart_estimate.h)
   double estimate_cotangent = 1e4;   // largest cotangent, of 0.006 degrees; smaller angles count as this
   // When a small disc is merged into a large one, u is solved for on the small disc and on `estimate_reach` faces of
@@ -86,7 +86,7 @@ struct AtlasTuning {
   double outline_growth = 0.02;
 
   // ---- Smoothing of outlines (charts/smoothing.cc).
-  int smoothing_sweeps = 40;          // at most
+  int smoothing_sweeps = 40;          // most sweeps
   double smoothing_sharp_cost = 0.1;  // cost per length of an edge where the surface bends by 90 degrees or more
 
   // ---- Cuts, first by estimates of maps, then by the maps (unwrap/refine.cc). Lengths are in sides of the square that
@@ -151,7 +151,7 @@ struct AtlasTuning {
 
   // ---- Joining of charts, first by estimates of their maps, then by the maps (unwrap/joining.cc). With join_faces of
   // 1, 0.5 and 0.25 a surface net of 452,424 faces has 349, 374 and 392 charts, and 469 with 1 and no estimates.
-  int join_rounds = 12;     // at most
+  int join_rounds = 12;     // most rounds
   double join_faces = 0.5;  // most faces that are solved again, per face of the surface
   // The most faces that are solved again for a surface of any size, since large surfaces gain little. When this number
   // grew with the square root from 50,000 on, nets of 444,216 and 573,048 faces had 387 and 1,103 charts; now they have

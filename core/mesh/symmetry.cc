@@ -254,7 +254,7 @@ class Matching {
         }
       }
     }
-    // Faces for which none was found take the face of a neighbour.
+    // Faces for which no mirror image was found take the image of a neighbour.
     for (std::int32_t f = 0; f < num_faces_; ++f) {
       if (mirror_.side[f] == Side::kSecond && mirror_.face[f] >= 0) queue.push_back(f);
     }
@@ -266,7 +266,7 @@ class Matching {
         queue.push_back(across / 3);
       }
     }
-    // All faces of a polygon take the face of its first one.
+    // All faces of a polygon take the image of its first face.
     for (std::int32_t f = 0; f < num_faces_; ++f) mirror_.face[f] = mirror_.face[first[polygon(f)]];
   }
 
@@ -276,7 +276,8 @@ class Matching {
   // Per vertex: the lowest vertex in the same place; the vertex where the mirror image is, or -1; the image's position.
   std::vector<std::int32_t> same_, image_;
   std::vector<Vec3> image_position_;
-  std::unordered_map<std::uint64_t, std::int32_t> by_edge_;  // corners, by the half-edge that they face
+  // Per key of a half-edge: the corner that faces it.
+  std::unordered_map<std::uint64_t, std::int32_t> by_edge_;
   // Per polygon: its image or -1; its number of faces.
   std::vector<std::int32_t> image_of_, size_;
   Mirror mirror_;

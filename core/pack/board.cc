@@ -178,7 +178,7 @@ bool Board::FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int
   std::fill_n(free, count, kAll);
   std::int64_t read = 0;
   std::uint64_t any = kAll;
-  int begin = 0, end = count;  // words that have places left; all, if there are few
+  int begin = 0, end = count;  // the range of words with free places; all words if kWords > 0
   for (const Probes::Probe& probe : probes.all) {
     assert(probe.level < std::ssize(levels_));
     const std::uint64_t* const row = Row(probe.level, y + probe.row);

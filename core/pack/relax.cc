@@ -6,7 +6,7 @@
 namespace planish {
 namespace {
 
-constexpr std::int32_t kBlock = 16;          // samples
+constexpr std::int32_t kBlock = 16;          // samples in each
 constexpr int kContactLife = 8;              // least number of steps between two searches for contacts
 constexpr double kMomentum = 0.7;            // share of a step that the next one keeps
 constexpr std::int64_t kMostSteps = 200000;  // moves of single charts while growing

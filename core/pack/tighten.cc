@@ -235,8 +235,8 @@ class Tightener {
     return Arrangement{relaxer.poses(), relaxer.scale()};
   }
 
-  // Distances were sampled so far. Moves charts apart, or shrinks them slightly, until exact distances are kept, and
-  // stores the result in arrangement_. Returns whether it succeeded.
+  // Until here, distances were only sampled. Moves charts apart, or shrinks them slightly, until exact distances are
+  // kept, and stores the result in arrangement_. Returns whether it succeeded.
   bool Settle(const Arrangement& arrangement, double least_scale) {
     Relaxer relaxer = MakeRelaxer(arrangement);
     if (relaxer.scale() > options_.most_scale) relaxer.set_scale(options_.most_scale);

@@ -95,7 +95,7 @@ class Series final : public TrialSeries {
 
  private:
   void Begin(int side, const TrialPlan& plan) {
-    constexpr int kRoom = 16;  // later grids may be larger by this part of the side
+    constexpr int kRoom = 16;  // later grids may be larger by the side / kRoom
     plan_ = &plan;
     work_ = 0;
     filled_ = 0;

@@ -87,9 +87,9 @@ struct PackTuning {
   std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // More charts than this are not rearranged, which would take much memory and seldom find places. They only grow.
   std::size_t most_to_rearrange = 1000;
-  // By how much a hop of either lane may fall short of its record (the 21 meshes above fill 0.740 of the texture; with
-  // 0 and 0.002 0.739, with 0.002 and 0.02 0.739), and the hops without a record after which the second lane returns to
-  // the best.
+  // For each of the two lanes: by what share a hop's scale may be below the lane's record. The 21 meshes above fill
+  // 0.740 of the texture; with 0 and 0.002 0.739, with 0.002 and 0.02 0.739. `hops_away`: the hops without a record
+  // after which the second lane returns to the best arrangement.
   std::array<double, 2> hop_down = {0.001, 0.005};
   int hops_away = 2;
   // Growth and patience (in steps) at the end of a hop.

@@ -86,8 +86,9 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
 }
 
 struct Extent {
-  double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; sum of squared edges
-  double surface_edges = 0, map_edges = 0;
+  // Sums over the faces that are not widened. `surface_squares`: of squared edges.
+  double surface_area = 0, map_area = 0, surface_squares = 0;
+  double surface_edges = 0, map_edges = 0;  // sums over all faces
   void Add(const Extent& other) {
     surface_area += other.surface_area;
     map_area += other.map_area;

@@ -40,7 +40,7 @@ Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
                 const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {}, const Execution& execution = {});
 
 struct ChartMap {
-  std::shared_ptr<const FlattenSummary> flatten;  // of the solve; null before it
+  std::shared_ptr<const FlattenSummary> flatten;  // summary of the solve; null before the solve
   // Per vertex of the chart's topology. The map has the area of the surface (both without widened faces), before
   // Chart::enlargement.
   std::vector<Vec2> positions;

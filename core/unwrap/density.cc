@@ -88,7 +88,7 @@ void WarnOfOtherDensities(const Job& job, const Charts& charts, const Atlas& atl
                        std::move(faces)});
 }
 
-// Atlases that share one scale: each on its own if stacked, otherwise all together.
+// A group of atlases that share one scale: a single atlas if they are stacked, otherwise all atlases.
 struct OneScale {
   double scale = 1;
   std::map<std::int32_t, double> area;  // by atlas, drawn at scale 1
@@ -106,8 +106,8 @@ struct OneScale {
   }
 };
 
-// Calls body(group, polygon, atlas, area, length) for each polygon that takes part. Area and length are as drawn at
-// scale 1.
+// Calls body(group, polygon, atlas, area, length) for each polygon with a face that takes part (Surface::takes_part).
+// Area and length are as drawn at scale 1.
 template <typename Body>
 void ForEachPolygon(const Job& job, const Charts& charts, const Atlas& atlas, std::map<std::int32_t, OneScale>* groups,
                     const Body& body) {

@@ -12,8 +12,8 @@ namespace {
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 100,000
 // faces: the estimate is more than was measured for 999 of 1,000 meshes, and at most three times as much for 97 of 100.
 constexpr double kFixedBytes = 7e6;        // half of it code and tables, in a process that has not touched them yet
-constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
-constexpr double kBytesPerFace = 1000;     // multigrid
+constexpr double kBytesPerThread = 2.5e6;  // for each thread but the first: charts are solved side by side
+constexpr double kBytesPerFace = 1000;     // when solved with multigrid
 // Additional bytes: of a face in a chart, at most; of a face with vertices of its own.
 constexpr double kChartBytesPerFace = 390, kBytesPerPiece = 200;
 // With SeamPolicy::kAuto small meshes may fall apart into many charts. The first faces count for kFirstBytesPerFace

@@ -13,7 +13,7 @@ namespace {
 
 // Texels across the outline of a thin chart, beside the padding.
 constexpr double kTexelsAcross = 2;
-constexpr int kMostRounds = 8;  // of the search
+constexpr int kMostRounds = 8;  // of the search for long needles
 
 double AreaOfOthers(const Mesh& mesh, const Polygons& polygons, const std::vector<char>& needles) {
   double area = 0;

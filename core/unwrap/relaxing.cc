@@ -49,7 +49,7 @@ class Relaxation {
     }
   }
 
-  // Positions per vertex of the topology.
+  // Returns a position for each vertex of the chart's topology.
   std::vector<Vec2> Run() {
     if (!terms_.empty() && Factorize()) Descend();
     std::vector<Vec2> positions;

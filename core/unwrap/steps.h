@@ -310,7 +310,7 @@ void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& pol
 // POLYGON_TORN, with the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
-// Seams beside the given ones.
+// Counts of seams that were added to the given ones.
 struct AddedSeams {
   std::int64_t with_holes = 0;           // charts with holes that were slit open
   std::int64_t others = 0;               // charts that are closed or have handles, and were slit open

@@ -71,10 +71,10 @@ enum class AtlasLayout {
 struct UnwrapOptions {
   FlattenOptions flatten;
   SeamOptions seams;
-  bool pack = true;   // false: charts as they were solved, to the surface's scale, one over the other
-  PackOptions atlas;  // of each atlas; `atlases` is not for callers
+  bool pack = true;   // false: charts stay where they were solved, at the surface's scale, and overlap
+  PackOptions atlas;  // for each atlas; Unwrap() sets `atlases` itself
   // Texels per length on the surface that charts get, at weight 1, in (0, kMostTexelsPerUnit]; 0: as many as there is
-  // room for. Needs charts that are packed.
+  // room for. Requires `pack`.
   double texels_per_unit = 0;
   // With texels_per_unit: PackOptions::texture_size becomes the smallest power of two that holds it, in [16, 65536].
   bool finds_texture_size = false;

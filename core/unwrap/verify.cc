@@ -176,7 +176,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
   const BoxTree tree(std::move(boxes), execution);
   std::atomic<std::int64_t> tests_left = max_tests;
   if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
-  if (outlines.count() == 1) return true;  // one loop
+  if (outlines.count() == 1) return true;  // no other loop can be inside this one
   FindCharts(opposite, &outlines);
   return HolesAreOpen(outlines, uv) && !LiesInsideAnother(outlines, uv, tree, &tests_left, execution) &&
          !execution.IsCancelled();

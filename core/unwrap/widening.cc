@@ -20,8 +20,8 @@ using Corners = std::array<Vec2, 3>;
 constexpr double kLeastAltitude = 1.5;  // grains
 constexpr double kAltitude = 3;         // grains: the target, as the map does not keep angles exactly
 constexpr double kHeldAltitude = 12;    // grains: rounding changes it by at most an eighth
-constexpr double kGrowth = 4;           // of an angle that did not suffice
-constexpr double kMostGrowth = 1e3;     // over the angle that should suffice
+constexpr double kGrowth = 4;           // an angle that did not suffice grows by at least this factor
+constexpr double kMostGrowth = 1e3;     // an angle is at most this times the angle that should suffice
 constexpr double kMostAngle = 0.5;      // radians; above it, raising the angles does not make a triangle thicker
 constexpr double kLeastPlace = 1e-30;   // nearer to 0, exponents no longer distinguish places
 // Grains: the limit for an enlarged chart, some thousandths of the texture's side for float.
