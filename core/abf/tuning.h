@@ -213,8 +213,8 @@ inline constexpr std::int32_t kMostFallbackFaces = 50'000;
 // Bytes per face of the Cholesky factor, ordered by minimum degree. In all, a chart of 50,000 faces takes 1,310 bytes
 // per face.
 inline constexpr std::int64_t kFallbackBytesPerFace = 1100;
-// Most bytes for the exact solves on the rows of weak faces, per face and at least. Part of the reservation for
-// multigrid.
+// The exact solves on the rows of weak faces may take this many bytes per face, or kLeastPatchBytes if that is more. It
+// is part of the reservation for multigrid.
 inline constexpr std::int64_t kPatchBytesPerFace = 100, kLeastPatchBytes = 1'000'000;
 
 // The active set of a convex boundary (boundary_control.h).

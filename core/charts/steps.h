@@ -54,10 +54,10 @@ void SmoothOutlines(const AtlasTuning& tuning, const Execution& execution, std::
 // ---- New pairs of neighbours at edges of more than two faces, once there are charts (rejoining.cc).
 
 // Import joins half-edges at crowded edges (Surface::crowded_edges) before anything is known about charts, and charts
-// end at many of these edges all the same. The half-edges there can be paired anew. Returns pairs of them, by corner,
-// that were not joined before and belong to different charts, so that a chart may go on where it had to end. Pairs of
-// the smallest charts are chosen first, then pairs that bend least. `chart`: per face, its chart in `gluing`; -1 for
-// faces without one. O(n) in the half-edges at crowded edges; edges with more than 64 of them are left out.
+// end at many of these edges all the same. The half-edges there can be paired differently. Returns pairs of them, by
+// corner, that were not joined before and belong to different charts, so that a chart may go on where it had to end.
+// Pairs of the smallest charts are chosen first, then pairs that bend least. `chart`: per face, its chart in `gluing`;
+// -1 for faces without one. O(n) in the half-edges at crowded edges; edges with more than 64 of them are left out.
 std::vector<std::array<std::int32_t, 2>> PairsToRejoin(const Gluing& gluing, const std::vector<std::int32_t>& chart);
 
 }  // namespace planish

@@ -296,7 +296,7 @@ class Search {
     return cost;
   }
 
-  // Returns false if the chart does not fit the tile at the random rotation.
+  // Sets *pose to a random rotation and place. Returns false if the chart does not fit the tile at this rotation.
   bool RandomPose(std::int32_t i, CellPose* pose) {
     pose->turned = kFineTurns * random_.Below(kAngles);
     const Turned& turned = At(i, pose->turned);
@@ -309,7 +309,7 @@ class Search {
     return true;
   }
 
-  // Local search: moves to better neighbours until there are none.
+  // Local search: moves *pose to the best of its neighbours until none is better.
   void Descend(std::int32_t i, CellPose* pose, std::int64_t* cost) const {
     for (int step = 4; step >= 1 && *cost > 0;) {
       CellPose best = *pose;

@@ -223,7 +223,7 @@ class Series final : public TrialSeries {
     if (plan_->thorough) return FindFrom(i, level, {});
     Start* const start = StartFor(i, level);
     Found best = FindFrom(i, level, *start);
-    // Charts of a size differ a little, so there may still be room below.
+    // The start is for charts of similar size, so chart i may still fit below it.
     if (best.tile < 0 && (start->tile > 0 || start->row > 0)) best = FindFrom(i, level, {});
     if (best.tile >= 0) *start = {best.tile, best.first_row};
     return best;

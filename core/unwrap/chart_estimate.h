@@ -28,8 +28,7 @@ class ChartEstimates {
   const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
   // Estimates the chart in its present shape. Takes about a twentieth of the work of a solve.
   void Update(std::int32_t chart);
-  // Like Update(). Returns the estimate before, for Restore(), before which the charts may be separated again, or their
-  // border moved back.
+  // Like Update(), but returns the previous estimate, for Restore() if the change of the chart is undone.
   struct Before {
     ChartEstimate estimate;
     StretchEstimate::Kept kept;

@@ -5,15 +5,15 @@
 //     ImproveSeams()        estimates of maps -> discs that are glued, and borders that are moved
 //     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
 //     JoinEstimated()       estimates of maps -> discs that are joined
-//   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
-//     MapWithFixedBorders() one of them       -> another map, where no seam may be added and the first is no use
-//   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
-//   JoinCharts()            all of them       -> fewer charts, solved
-//   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
-//   Deliver()               UV                -> Delivery: the same as delivered, and faces that are turned over
-//     ShakeCharts()         draft's Delivery  -> the same with charts turned to where faces collapse
-//     NudgeCharts()         Delivery          -> the same with charts moved by a hair, where that helps
-//     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
+//   SolveCharts()           some charts       -> angles (ABF), positions in the plane, and the faults of these maps
+//     MapWithFixedBorders() one chart         -> another map, if no seam may be added and the first map is unusable
+//   Refine()                all charts        -> charts that were cut once more, for SolveCharts()
+//   JoinCharts()            all charts        -> fewer charts, solved
+//   PackCharts()            all charts        -> Atlas: UV of every corner of the mesh
+//   Deliver()               UV                -> Delivery: the UV in the type for delivery, and flipped faces
+//     ShakeCharts()         a draft's UV      -> the UV with charts rotated so that faces collapse, if any can
+//     NudgeCharts()         Delivery          -> the UV with charts moved slightly, if that removes faults
+//     WidenCharts()         charts, faults    -> charts with faces too thin for the type, for SolveCharts()
 //     FindOverlaps()        Delivery          -> faces that overlap
 //     RefineDelivered()     charts, faults    -> the charts at fault as delivered, cut, for SolveCharts()
 //   Report()                all of that       -> UnwrapResult

@@ -184,7 +184,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
 
 using Triangle = std::array<Vec2, 3>;  // counter-clockwise
 
-// Stores face f in `triangle`, counter-clockwise. False if it has no interior that counts.
+// Stores face f in `triangle`, counter-clockwise. Returns whether the face has an area and is not marked in `ignored`.
 bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int32_t f, Triangle* triangle) {
   Triangle& t = *triangle = TriangleOf(uv, f);
   const int sign = Orientation(t);
