@@ -100,7 +100,7 @@ class Merging {
     for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {
       if (!discs_[d].faces.empty()) PushJoints(d, false);
     }
-    // While joints are tried, others are queued; merging ends when the queue is empty.
+    // Each joint that is glued adds further joints to the queue. Merging ends when the queue is empty.
     std::int64_t looked_at = 0;
     const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
     while (!queue_.empty() && goes_on()) {

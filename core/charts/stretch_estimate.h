@@ -57,7 +57,7 @@ class StretchEstimate {
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
-  // Like Keep(); returns the u that these vertices had before, for Restore().
+  // Like Keep(), but returns the kept u that these vertices had before, for Restore().
   struct Kept {
     std::vector<std::int32_t> vertices;
     std::vector<float> u;

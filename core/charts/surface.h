@@ -73,12 +73,13 @@ struct Surface {
   }
 };
 
-// Copies of a face form separate layers (Pairing::layer). INVALID_ARGUMENT: Diagnosis::Refusal()
-// (core/mesh/diagnosis.h); OPTIONS_INVALID for a given seam that is a diagonal. CANCELLED after a cancellation. O(F).
+// Makes the surface of a mesh. Copies of a face form separate layers (Pairing::layer). INVALID_ARGUMENT:
+// Diagnosis::Refusal() (core/mesh/diagnosis.h); OPTIONS_INVALID for a given seam that is a diagonal. CANCELLED after a
+// cancellation. O(F).
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
 
-// The same faces with other neighbours: joins each of these pairs of half-edges, given by corner; former neighbours of
-// these half-edges become unjoined. Both half-edges of a pair must be on one edge, in opposite directions. `mesh` is
+// Returns `surface` with other neighbours: joins each of these pairs of half-edges, given by corner; former neighbours
+// of these half-edges become unjoined. Both half-edges of a pair must be on one edge, in opposite directions. `mesh` is
 // the argument of MakeSurface(). O(F).
 Surface Rejoin(const Mesh& mesh, const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs);
 

@@ -16,8 +16,8 @@ struct LinearTuning {
   // residual that a solver carries along drifts from the true one by rounding (Greenbaum 1997, "Estimating the
   // attainable accuracy of recursively computed residual methods"). Smaller: good solves are called failures.
   double residual_slack = 100;
-  // The same for the largest entry of the residual of a rough solve, which ends after few iterations, far above
-  // rounding errors.
+  // Like residual_slack, but for the largest entry of the residual of a rough solve. Such a solve ends after few
+  // iterations, far above rounding errors.
   double rough_slack = 2;
   // Relative difference between the decrease of the energy that Uzawa claims and the true one, above which a rough
   // solve counts as stagnated.

@@ -57,7 +57,8 @@ struct Diagnosis {
   ElementList faces_repeating_a_vertex;  // name the same vertex twice
   ElementList faces_not_finite;          // have a corner at NaN or infinity
   ElementList faces_without_area;        // IsDegenerateTriangle (core/mesh/angles.h), on three different vertices
-  // The same three vertices as an earlier face, in any order. Counts every face in range, whatever other faults it has.
+  // Faces with the same three vertices as an earlier face, in any order. Faces in range count, whatever other faults
+  // they have.
   ElementList duplicate_faces;
   ElementList vertices_not_finite;  // used by a face, with NaN or infinity in their position
   ElementList isolated_vertices;    // used by no face; out-of-range faces do not count

@@ -165,7 +165,7 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
-// The same with all faces taking part.
+// ConnectedPieces() of all faces.
 template <typename Neighbour>
 std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const Neighbour& neighbour) {
   const auto all = [](std::int32_t) { return true; };

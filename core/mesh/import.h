@@ -70,7 +70,8 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 // their sources in `mesh`; vertices without a face are left out. O(F).
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
 
-// The same in flat arrays, for uses without circulators: takes less memory, and no time for linking.
+// ImportFlat() is ImportMesh() into flat arrays, for uses without circulators: it takes less memory, and no time for
+// linking.
 struct FlatImport {
   FlatMesh mesh;
   std::vector<std::int32_t> source;  // per vertex, ascending: its vertex in the Mesh

@@ -57,7 +57,7 @@ float OpenShare(const Solid& solid, const Point& place, const Point& normal,
   return static_cast<float>(open) / static_cast<float>(kRays);
 }
 
-// The same from the middle of a triangle; 1 if it has no area.
+// The share of the rays from the middle of a triangle that hit nothing; 1 if the triangle has no area.
 float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
   Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]), middle;
   if (!Normalize(&normal)) return 1;

@@ -87,8 +87,8 @@ inline constexpr double kFreeMove = 1e-6;
 // Thread-safe. Work is near-linear in the number of charts. After a stop request, the first placement that keeps the
 // distances is returned. After a cancellation the result is incomplete and must not be used.
 Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution = {});
-// The same for `count` charts that make_chart(i) makes one after the other. They are not kept, since all of them may
-// take as much memory as packing.
+// Packs `count` charts, which make_chart(i) makes one after the other. They are not kept, since all of them may take as
+// much memory as packing.
 Packing Pack(std::size_t count, const std::function<PackChart(std::size_t)>& make_chart, const PackOptions& options,
              const Execution& execution = {});
 

@@ -77,8 +77,8 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
 // sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution);
-// The same for a chart that is_triangle_as_measured(), from its edges, without a solve. There may be a hundred thousand
-// such charts, so all share one summary.
+// LayOutChart() for a chart that is_triangle_as_measured(): computes positions from its edges, without a solve. There
+// may be a hundred thousand such charts, so all share one summary.
 absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
                                         std::shared_ptr<const FlattenSummary> summary, const Execution& execution);
 // The second part of LayOutChart() and LayOutTriangle(): makes the map from positions in any unit.

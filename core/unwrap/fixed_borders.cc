@@ -311,7 +311,7 @@ double MostStretch(const Candidate& c, double better) {
   return is_sound ? present.stretch / better : kMostStretchForBorders;
 }
 
-// The same for a map with filled holes, while the current map is slit.
+// MostStretch() for a map with filled holes, which replaces a map with slits.
 double MostStretchWithHoles(const Candidate& c) {
   const double most = MostStretch(c, 1 / kMostStretchForHoles);
   return c.job->options.seams.policy == SeamPolicy::kKeep ? std::max(most, kMuchStretch) : most;

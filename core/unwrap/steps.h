@@ -198,7 +198,7 @@ double FirstStretch(const UnwrapOptions& options);
 // Whether the map of a chart is unusable and the chart must be cut. Only charts of two faces or more can be cut.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
 
-// The same for an estimate of chart i of the segmentation.
+// Whether the estimated map of chart i of the segmentation is unusable and the chart must be cut.
 bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate);
 
 // The tuning of cuts for the job's PackEffort.
@@ -212,7 +212,7 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 // widened faces, and charts that are drawn larger or smaller than others, are not joined. Work is bounded by a share of
 // the faces (AtlasTuning). After a stop request all charts stay. CANCELLED after a cancellation.
 absl::Status JoinCharts(Job* job, Charts* charts);
-// The same by estimates, before any chart is solved for.
+// Joins charts like JoinCharts(), but by estimates of their maps, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
 // The number of the atlas of a face and its chart.
