@@ -49,7 +49,7 @@ class Newton {
   // `before`.
   absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start, const FlattenWork& before);
 
-  // For tests of failed linear solves.
+  // The solver of linear systems, for tests that make it fail.
   StepSolver& step_solver() { return steps_; }
 
   // The end point of Run() or RunFrom().
@@ -121,11 +121,11 @@ class Newton {
 
   // The state that Forget() does not reset.
   struct History {
-    // Of the latest step.
+    // About the latest step.
     double length = 0;                          // 0: no step was taken
     bool cut_short = false;                     // a stop request ended a linear solve
     std::vector<std::int32_t> weak_faces = {};  // set by Convexify()
-    // Since a stop was requested.
+    // Counts since a stop was requested.
     std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
     bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   };

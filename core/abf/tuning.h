@@ -61,8 +61,8 @@ struct ConvexityTuning {
   // faces are not positive, and there half and double are both better (1,644 iterations on "higher hills", 609 with
   // half, 1,245 with double).
   double min_curvature = 0.02;
-  // In the preconditioner of an indefinite system, the least absolute value of such an eigenvalue. At most
-  // min_curvature.
+  // Like min_curvature, for the preconditioner of an indefinite system: the least absolute value of an eigenvalue. At
+  // most min_curvature.
   double min_magnitude = 0.002;
   // Faces below this eigenvalue are weak: in S they are so much stronger than their neighbours that multigrid works
   // badly, and their vertices are solved for exactly. Larger: fewer but costlier iterations.

@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// With the numbers of draco::GeometryAttribute::Type.
+// Kinds of attributes, numbered like draco::GeometryAttribute::Type.
 enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {

@@ -51,7 +51,7 @@ struct Pairing {
   // them in the same direction. Ascending by the vertices of the edges.
   std::vector<std::vector<std::int32_t>> non_manifold;
   std::vector<std::array<std::int32_t, 2>> inconsistent;
-  // In layer 0: all edges, and edges with one face.
+  // Counts in layer 0: of all edges, and of edges with one face.
   std::int64_t edges = 0, boundary_edges = 0;
 
   bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }

@@ -184,7 +184,7 @@ bool Board::FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int
     const std::uint64_t* const row = Row(probe.level, y + probe.row);
     const std::uint64_t* const a = row + probe.words[0];
     const std::uint64_t* const b = row + probe.words[1];
-    // In two steps, since a shift by 64 is undefined.
+    // Words are shifted left in two steps, since a shift by 64 is undefined.
     const int right_a = probe.bits[0], left_a = 63 - right_a, right_b = probe.bits[1], left_b = 63 - right_b;
     any = 0;
     read += kNanosPerProbe + kNanosPerWord * (end - begin);

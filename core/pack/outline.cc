@@ -65,7 +65,7 @@ void OrderAlongLoops(std::size_t num_points, std::vector<std::array<std::int32_t
 
 }  // namespace
 
-// By rotating calipers.
+// Uses rotating calipers.
 HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
   HullRectangle best;
   double least = std::numeric_limits<double>::infinity();

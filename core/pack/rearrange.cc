@@ -36,7 +36,7 @@ int Rounded(double x) {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 0x2545F4914F6CDD1Du) {}
-  // In [0, n).
+  // A random integer in [0, n).
   int Below(int n) {
     state_ ^= state_ >> 12;
     state_ ^= state_ << 25;

@@ -278,7 +278,7 @@ class Series final : public TrialSeries {
     std::int32_t chart = -1;                              // the chart of these shapes, if they are not kept
   };
   Shared shared_;
-  // Of the current trial.
+  // State of the current trial.
   const TrialPlan* plan_ = nullptr;
   int side_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas

@@ -136,8 +136,9 @@ CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
 // Cosine and sine of rotations, as examples of the unknown rotation of the delivered map.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
 
-// For a map that does not overlap itself: overlaps after rounding to multiples of `resolution`, without triangles that
-// rounding flips or collapses. `ignored`: per face of the chart; empty: none.
+// Rotates a map that does not overlap itself by each of kTurns, rounds it to multiples of `resolution`, and returns the
+// first overlaps that this causes. Triangles that rounding flips or collapses do not count. `ignored`: per face of the
+// chart; empty: none.
 Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const std::vector<std::int32_t>& opposite,
                                const std::vector<char>& ignored, double resolution, const Execution& execution) {
   for (const auto& [cosine, sine] : kTurns) {

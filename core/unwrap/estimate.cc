@@ -23,12 +23,12 @@ constexpr double kChartBytesPerFace = 390, kBytesPerPiece = 200;
 // estimate (0.98 of it at most); 0.5 % and 6 % take less than a third.
 constexpr double kFirstBytesPerFace = 2000, kFirstBytes = 0.8e6;
 constexpr double kSmallBytesPerFace = 300, kSmallFaces = 30'000;
-// With PackEffort::kBest, for rearranging up to PackTuning::most_to_rearrange charts: per face, and at most. For the
-// images of each tile beyond the first.
+// PackEffort::kBest rearranges up to PackTuning::most_to_rearrange charts. This takes kBestBytesPerFace per face, at
+// most kMostBestBytes. With any effort, the images of each tile beyond the first take kBytesPerTile.
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
 constexpr double kBytesPerTile = 0.25e6;
-// With a Cholesky factorization instead of multigrid: for meshes of up to kReferenceFaces, and the power of the size
-// with which that grows beyond. Measured: 1,310 bytes a face of 50,000, 1,390 of 200,000.
+// With a Cholesky factorization instead of multigrid: bytes per face of meshes of up to kReferenceFaces, and the power
+// of the size with which this number grows beyond. Measured: 1,310 bytes a face of 50,000, 1,390 of 200,000.
 constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
 constexpr double kBytesPerByte = 2;  // per encoded byte, while the mesh is decoded
 // A single triangle has three vertices: this many more than half a vertex per face, as closed surfaces have.

@@ -253,8 +253,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const MappedChart& mapped : charts.charts) {
     for (const std::int32_t f : mapped.chart.faces) {
       const bool is_widened = !charts.least_angle.empty() && charts.least_angle[f] > 0;
-      // With other policies the scale may vary so much that faces of any shape become small, so that being small says
-      // nothing.
+      // With other policies the scale may vary so much that faces of any shape become small: IsThin() says
+      // nothing then.
       const bool may_be_thin = job->options.seams.policy == SeamPolicy::kAuto && !charts.is_ignored(f);
       if (is_widened ||
           (may_be_thin && IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f))) {

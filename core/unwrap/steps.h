@@ -78,7 +78,7 @@ struct MappedChart {
 
 // The data passed between the steps. Several steps read each member.
 struct Charts {
-  // Both null for SeamPolicy::kNone: the mesh is a disc, and only its one chart is kept.
+  // The surface and its segmentation. Null for SeamPolicy::kNone: the mesh is a disc, and only its one chart is kept.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
   // Per chart of the segmentation: its mirror image, maybe the chart itself; -1 without an image. Empty if no chart has
@@ -319,7 +319,8 @@ struct AddedSeams {
   std::int64_t given_up = 0;             // charts that were split because their solves took too much work
   std::vector<std::int32_t> faces = {};  // one on each slit edge
 };
-// With SeamPolicy::kKeep and kNeeded. `first_count`: charts before any was split.
+// Counts the added seams; only for SeamPolicy::kKeep and kNeeded. `first_count`: the number of charts before any was
+// split.
 AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count);
 
 // SEAMS_ADDED.

@@ -228,7 +228,7 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
       test_count.fetch_add(tests, std::memory_order_relaxed);
     }
   };
-  // In blocks, so that counting can stop early with the same result for any team.
+  // Faces are tested in blocks, so that counting can stop early with the same result for any team.
   constexpr std::int64_t kBlock = 64, kBlocks = 64;
   Overlaps all;
   for (std::int64_t begin = 0; begin < num_faces && !all.limited; begin += kBlock * kBlocks) {
