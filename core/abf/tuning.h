@@ -150,7 +150,7 @@ struct StopTuning {
   // Iterations of one linear solve: max(min_iterations, iteration_faces / faces); of all solves, min_steps times that.
   std::int64_t min_iterations = 50;
   std::int64_t iteration_faces = 8'000'000;
-  // Relative error, or residual, at which such a solve ends.
+  // Relative error, or residual, at which a linear solve ends after a stop request.
   double tolerance = 1e-4;
 };
 

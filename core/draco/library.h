@@ -18,7 +18,7 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with `reason`.
+// An INVALID_ARGUMENT error with this reason, message and metadata.
 absl::Status InvalidDraco(const std::string& reason, const std::string& message,
                           const std::map<std::string, std::string>& metadata = {});
 
