@@ -401,7 +401,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
   summary_.out_of_work |= ending == Ending::kOutOfWork;
-  // Indexed by Ending.
+  // The beginning of the message for each Ending, in the order of the enum.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped",
                                       "given up, since it took too much work,"};
   const Residual& r = summary_.residual;

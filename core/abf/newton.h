@@ -70,7 +70,7 @@ class Newton {
     double energy = 0;
   };
   Point PointAt(Eigen::VectorXd x) const;
-  // Does not change mu.
+  // Replaces the point of at_. Does not change mu.
   void MoveTo(Point point) { static_cast<Point&>(at_) = std::move(point); }
 
   struct State : Point {
@@ -84,9 +84,9 @@ class Newton {
   void Forget();
   // Continues Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
-  // The summary of the run.
+  // Returns the summary of the run, with its message.
   FlattenSummary Finish(Ending ending);
-  // Newton steps on the current objective until every residual is at most `tolerance`.
+  // Takes Newton steps on the current objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
   // Whether a stop is requested and no further step may be taken (StopTuning).
   bool EndsEarly();
@@ -143,17 +143,17 @@ class Newton {
   const NewtonTuning& tuning() const { return options_.tuning.newton; }
   ThreadTeam& team() const { return control_.Team(); }
 
-  // The arguments.
+  // The arguments of the constructor.
   const Topology& topology_;
   const TargetAngles& target_;
   const FlattenOptions& options_;
   const FlattenControl& control_;
-  // The parts.
+  // The parts of the method.
   Objective objective_;
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // The state.
+  // The state of the run.
   State at_;
   Course course_;
   History history_;

@@ -235,7 +235,7 @@ struct BoundaryTuning {
   std::int64_t max_set_changes = 200;
 };
 
-// All constants.
+// All constants of the solver for angles.
 struct FlattenTuning {
   NewtonTuning newton;
   StepTuning step;

@@ -92,7 +92,7 @@ class StretchEstimate {
   std::vector<std::int32_t> number_;  // per vertex: its index in free_, -1 for all others
   std::vector<float> kept_;           // per vertex
   std::vector<char> is_marked_;       // per face: whether it is in faces_; all 0 outside of Joined()
-  // The last estimate.
+  // Data of the last estimate.
   std::vector<std::int32_t> faces_;  // the faces that Joined() looks at
   std::vector<std::int32_t> free_;   // the vertices that are solved for
   PoissonSolver solver_;

@@ -451,7 +451,7 @@ class Search {
     std::int32_t other;
     double weight;
   };
-  // Per chart.
+  // Data of the charts; each vector has one element per chart.
   struct {
     std::vector<std::vector<Pair>> pairs;  // the pairs with weights above 1
     std::vector<char> overlaps;            // whether it overlapped others after its last move

@@ -50,7 +50,7 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
 
 // The silhouette rotated by a quarter turn counter-clockwise. Exact, as the grid is symmetric.
 Silhouette QuarterTurn(const Silhouette& silhouette);
-// Rotated by half a turn.
+// The silhouette rotated by half a turn.
 Silhouette HalfTurn(const Silhouette& silhouette);
 
 // MakeSilhouette() for a chart whose centre is at `at` on a larger grid, not shifted to touch the axes: the cells are

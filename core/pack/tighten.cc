@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// A chart at its position.
+// The outline of a chart at its position in the texture.
 struct Placed {
   std::vector<Vec2> points;
   Box box;

@@ -28,7 +28,7 @@ bool IsPath(const Gluing& gluing, std::span<const HalfedgeHandle> path);
 // Finds cheaper ways for seams. Not thread-safe.
 class SeamRouter {
  public:
-  // All must outlive this.
+  // All arguments must outlive this.
   SeamRouter(const Segmentation& segmentation, const SeamCost& cost, const AtlasTuning& tuning);
 
   // The cheapest way (SeamCost::OfPath()) between the two ends of a path, or of part of one, through the two charts

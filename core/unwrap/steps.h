@@ -298,16 +298,17 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
 
 // ---- What callers are told about a result, in words and as data (warnings.cc). Messages count polygons, since these
 // are the caller's faces; "count" in the metadata counts triangles, and UnwrapWarning::faces has their numbers.
+// Each function adds only the warnings that apply.
 
-// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
+// Adds FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
 void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,
                    std::vector<UnwrapWarning>* warnings);
 
-// FACES_WIDENED: `widened` are all such faces, ascending.
+// Adds FACES_WIDENED. `widened`: all such faces, ascending.
 void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
                    std::vector<UnwrapWarning>* warnings);
 
-// POLYGON_TORN, with the first face of each such polygon.
+// Adds POLYGON_TORN. `first_faces`: the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
 // Counts of seams that were added to the given ones.
@@ -323,30 +324,32 @@ struct AddedSeams {
 // split.
 AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count);
 
-// SEAMS_ADDED.
+// Adds SEAMS_ADDED.
 void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
-// NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP,
-// STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been
-// left without the cuts that they need.
+// Adds NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT,
+// BARYCENTRIC_MAP, STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`:
+// charts may have been left without the cuts that they need.
 void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
                   std::vector<UnwrapWarning>* warnings);
 
-// STRETCH_HIGH: charts that are stretched beyond this where the caller's seams decide, not SeamOptions::max_stretch.
+// STRETCH_HIGH names charts that are stretched more than this, if the caller's seams decide and not
+// SeamOptions::max_stretch.
 inline constexpr double kMuchStretch = 2;
-// `stretch` per chart; `worst_face` its most stretched face.
+// Adds STRETCH_HIGH. Per chart: its stretch, and its most stretched face.
 void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std::int32_t>& worst_face,
                        SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
-// DENSITY_VARIES: charts whose texel density in `uv`, the UV as delivered, differs from AtlasReport's, without those
-// that CHARTS_REDUCED names. FACES_TOO_LONG: polygons so long that they set the density of all (density.cc).
+// Adds two warnings. DENSITY_VARIES: charts whose texel density in `uv`, the UV as delivered, differs from
+// AtlasReport's, without those that CHARTS_REDUCED names. FACES_TOO_LONG: polygons so long that they set the density of
+// all (density.cc).
 void WarnOfDensity(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv,
                    std::vector<UnwrapWarning>* warnings);
 
-// STOPPED: the caller asked for the best map found by then.
+// Adds STOPPED: the caller asked for the best map found by then.
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings);
 
-// UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
+// Adds UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
 
 // The first kMaxNamed of these faces, "2,3,5": "faces" in metadata.
