@@ -27,8 +27,8 @@ struct LinearTuning {
   // Relative tolerance below which a solve with a matrix rounded to float (rounding unit 6e-8) is refined with the
   // exact one. With larger tolerances the rounding does not matter.
   double refined_tolerance = 1e-5;
-  // Such a solve is refined until the true residual is at most this many times the tolerance, at most `max_refinements`
-  // times (iterative refinement: Higham 2002, chapter 12).
+  // A solve with a rounded matrix is refined until the true residual is at most this many times the tolerance, at most
+  // `max_refinements` times (iterative refinement: Higham 2002, chapter 12).
   double refined_slack = 2;
   std::int64_t max_refinements = 10;
   // Corrections by the direct solver before it gives up; the first is the solve itself.

@@ -17,8 +17,8 @@
 
 namespace planish {
 
-// At an edge of more faces than this, no faces are joined. Bounds the work, which grows with the square of their
-// number.
+// At an edge of more faces than this, no faces are joined. Bounds the work, which grows with the square of the
+// number of faces at the edge.
 inline constexpr std::size_t kMostFacesAtAnEdge = 64;
 
 // The kind of a face: the first of these that applies.

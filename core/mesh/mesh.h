@@ -1,4 +1,4 @@
-// Indexed triangle mesh: positions and faces, no derived data.
+// An indexed triangle mesh: positions and faces, without derived data.
 #pragma once
 
 #include <algorithm>

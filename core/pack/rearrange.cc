@@ -400,7 +400,7 @@ class Search {
     for (const Pair& pair : charts_.pairs[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
   }
 
-  // Returns whether the chart overlapped others and still does.
+  // Moves the chart to a better place if it overlaps others. Returns whether it overlapped others and still does.
   bool Move(std::int32_t i) {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     charts_.overlaps[i] = false;

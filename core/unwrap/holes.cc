@@ -60,7 +60,7 @@ class HoleSearch {
     ListEdges();
   }
 
-  // Half-edges, one for each edge of the slits; empty if some hole cannot be reached.
+  // Returns half-edges, one for each edge of the slits; empty if some hole cannot be reached.
   std::vector<std::int32_t> Run() {
     std::vector<std::int32_t> slits;
     Reach(piece_.outer);
