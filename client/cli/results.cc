@@ -296,7 +296,7 @@ std::string AtlasText(const Report& report) {
   const Atlas& atlas = report.atlas;
   const bool has_neighbours = report.chart_totals.charts > 1;
   if (!atlas.pack && !has_neighbours) return "";
-  if (!atlas.pack) return "Not packed: charts lie one over the other, at the surface's scale.\n";
+  if (!atlas.pack) return "Not packed: the charts lie on top of each other, at the surface's scale.\n";
   const std::string size = WithCommas(atlas.texture_size);
   const bool is_stacked = !atlas.atlases.empty() && atlas.layout == AtlasLayout::kStacked;
   const std::string into = is_stacked ? Counted(static_cast<std::int64_t>(atlas.atlases.size()), "atlas", "atlases") +

@@ -220,7 +220,7 @@ std::string CheckParts(const UnwrapArguments& arguments) {
   if (is_stacked && !arguments.map.atlas_per)
     return "--atlas-layout says where the atlases of --atlas-per go; give both";
   if (is_stacked && !arguments.report.empty()) {
-    return "--report shows one texture, and --atlas-layout=stacked makes several that lie one over the other; leave "
+    return "--report shows one texture, and --atlas-layout=stacked makes several, on top of each other; leave "
            "one of them out";
   }
   if (!arguments.map.atlas_per && arguments.map.material_weights.empty()) return "";
