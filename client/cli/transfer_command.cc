@@ -21,6 +21,7 @@
 #include "client/files/surface_projection.h"
 #include "client/src/errors.h"
 #include "core/base/timer.h"
+#include "core/pack/pack.h"
 
 namespace planish::cli {
 
@@ -221,8 +222,10 @@ int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, con
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
   WrittenMesh written;
+  // Nothing says for which size the charts of TO were packed: as large as by default, so that they stay apart.
+  const PackOptions packed;
   DrawImages(arguments.terminal, from.path(), interrupts,
-             from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {}),
+             from.WithTextureSize(outputs, arguments.texture_size, packed.texture_size, packed.padding, {}),
              [&](const std::vector<OutputOptions>& watched) { written = from.WithUv(uv, watched); });
   WriteAll(written.files, interrupts);
   Say(arguments, written,

@@ -20,6 +20,13 @@ f 1/1 3/3 4/4
 """
 
 
+# A PNG of 2 x 2 texels.
+PALETTE = (
+    "89504e470d0a1a0a0000000d4948445200000002000000020802000000fdd49a730000001449444154789c63f8cfc0c000c20cffffff67"
+    "00001eef04fca3c8b4f70000000049454e44ae426082"
+)
+
+
 class Transfer(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -32,6 +39,15 @@ class Transfer(unittest.TestCase):
         report = planish.transfer(self.path / "from.obj", self.path / "to.obj", self.path / "out.obj")
         self.assertEqual(report["triangles"], 2)
         self.assertIn("vt 0.5 0.5", (self.path / "out.obj").read_text())
+
+    def test_a_palette_stays_a_picture(self):
+        # Each face has one point of an image of 2 x 2 texels: no texel density to keep, and yet four colours.
+        (self.path / "from.obj").write_text("mtllib a.mtl\nusemtl a\n" + OBJ % (("0.25 0.75",) * 4))
+        (self.path / "a.mtl").write_text("newmtl a\nmap_Kd palette.png\n")
+        (self.path / "palette.png").write_bytes(bytes.fromhex(PALETTE))
+        report = planish.transfer(self.path / "from.obj", self.path / "to.obj", self.path / "out.obj")
+        image = next(file for file in map(pathlib.Path, report["files"]) if file.suffix == ".png").read_bytes()
+        self.assertEqual([int.from_bytes(image[at : at + 4], "big") for at in (16, 20)], [512, 512])
 
     def test_project(self):
         report = planish.transfer(
