@@ -58,6 +58,9 @@ const Json* GltfObject(const Json& object, const char* key);
 // The integer `key` of `object`; `otherwise` where it is missing or no integer.
 std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise);
 
+// The number at a place of `root`, within the range of float; `otherwise` where there is none.
+double GltfNumberAt(const Json& root, const Json::json_pointer& at, double otherwise);
+
 // The string `key`, or a name made of kind and index.
 std::string GltfName(const Json& object, const char* kind, std::int64_t index);
 
