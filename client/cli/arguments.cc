@@ -166,17 +166,17 @@ void AddTextures(CLI::App& app, TextureArguments& textures) {
       "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
       "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
   AddImageFlags(app, textures);
+  app.add_option_function<std::string>(
+         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
+         "Paint this into an image of base colours: colors, those of the vertices [nothing]")
+      ->check(CLI::IsMember({"colors"}).description(""))
+      ->type_name("colors");
 }
 
 void AddImageFlags(CLI::App& app, TextureArguments& textures) {
   app.add_flag("--merge-materials", textures.merge_materials,
                "glTF: materials that differ only in images and factors become one, with one set of images and one "
                "primitive a mesh");
-  app.add_option_function<std::string>(
-         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
-         "Paint this into an image of base colours: colors, those of the vertices [nothing]")
-      ->check(CLI::IsMember({"colors"}).description(""))
-      ->type_name("colors");
   app.add_option("--memory", textures.memory_mb,
                  "Megabytes that moving one image may take at most [half of the machine's]")
       ->check(CLI::Range(1, 1 << 24).description(""))

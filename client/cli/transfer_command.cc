@@ -52,7 +52,14 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
       ->type_name("N");
   app.add_flag("--project", arguments.project,
                "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
-               "FROM's colours and normals as images");
+               "what FROM shows as images");
+  app.add_option("--bake", arguments.bake,
+                 "Which images, separated by commas. With --project: colors, normals, height (a file beside OUT), "
+                 "occlusion [colors,normals]. Without it: colors, those of the vertices [nothing]")
+      ->delimiter(',')
+      ->expected(1)
+      ->check(CLI::IsMember({"colors", "normals", "height", "occlusion"}).description(""))
+      ->type_name("LIST");
   app.add_option("--cage", arguments.cage_percent,
                  "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
       ->check(CLI::Range(0.001, 100.0).description(""))
@@ -64,8 +71,14 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
 }
 
 std::string Check(TransferArguments& arguments) {
-  if (arguments.project && (arguments.textures.merge_materials || arguments.textures.bake_colors)) {
-    return "--project makes one material with the colours of FROM; leave --merge-materials and --bake out";
+  if (arguments.project && arguments.textures.merge_materials) {
+    return "--project makes one material of its own; leave --merge-materials out";
+  }
+  if (!arguments.project) {
+    for (const std::string& what : arguments.bake) {
+      if (what != "colors") return "--bake=" + what + " is for --project: the images of FROM move anyway";
+    }
+    arguments.textures.bake_colors = !arguments.bake.empty();
   }
   return FirstProblem({CheckStreams({arguments.from, arguments.to}), CheckStdout(arguments.output, arguments.json),
                        CheckDestination(arguments.output, "transfer", arguments.from)});
@@ -186,6 +199,15 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
   if (arguments.texture_size != 0) options.size = arguments.texture_size;
+  const auto bakes = [&arguments](const char* what) {
+    return std::find(arguments.bake.begin(), arguments.bake.end(), what) != arguments.bake.end();
+  };
+  if (!arguments.bake.empty()) {
+    options.colors = bakes("colors");
+    options.normals = bakes("normals");
+    options.height = bakes("height");
+    options.occlusion = bakes("occlusion");
+  }
   std::optional<ProjectedMesh> projected;
   DrawImages(arguments.terminal, to.path(), interrupts, {output}, [&](const std::vector<OutputOptions>& watched) {
     absl::StatusOr<ProjectedMesh> done = ProjectSurface(from.file(), to.file(), watched.front(), options);
@@ -202,14 +224,25 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
                                   " within the cage, and have the colours of their neighbours; --cage "
                                   "makes it wider"});
   }
-  Say(arguments, written,
-      Printable(to.path(), true) + " shows the " + (projected->has_colors ? "colours and normals" : "normals") +
-          " of " + Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".",
-      {{"triangles", to.mesh().faces.size()},
-       {"texels", projected->texels},
-       {"missed", projected->missed},
-       {"colors", projected->has_colors},
-       {"seconds", {{"total", timer.Seconds()}}}});
+  if (bakes("colors") && !projected->Has("colors")) {
+    written.warnings.push_back({"COLORS_MISSING", from.path() + " has no colours to bake"});
+  }
+  std::string shown;
+  for (const std::string& what : projected->baked) shown += (shown.empty() ? "" : ", ") + what;
+  std::string summary = Printable(to.path(), true) + " shows " + (shown.empty() ? "nothing" : shown) + " of " +
+                        Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".";
+  Json json = {{"triangles", to.mesh().faces.size()},
+               {"texels", projected->texels},
+               {"missed", projected->missed},
+               {"baked", projected->baked},
+               {"seconds", {{"total", timer.Seconds()}}}};
+  if (projected->height) {
+    const HeightImage& height = *projected->height;
+    json["height"] = {{"file", height.path}, {"low", height.low}, {"high", height.high}};
+    summary += " " + Printable(height.path, true) + ": black is " + Significant(height.low, 4) + " above it, white " +
+               Significant(height.high, 4) + ".";
+  }
+  Say(arguments, written, summary, std::move(json));
   return kOk;
 }
 

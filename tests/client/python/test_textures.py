@@ -53,8 +53,25 @@ class Transfer(unittest.TestCase):
         report = planish.transfer(
             self.path / "from.obj", self.path / "to.obj", self.path / "out.gltf", project=True, cage=2, texture_size=64
         )
-        self.assertEqual(report["missed"], 0)
+        self.assertEqual((report["missed"], report["baked"]), (0, ["normals"]))
         self.assertEqual(len(json.loads((self.path / "out.gltf").read_text())["images"]), 1)
+
+    def test_heights_are_a_file_with_its_range(self):
+        (self.path / "from.obj").write_text("v 0 0 0.02\nv 1 0 0.02\nv 1 1 0.03\nv 0 1 0.03\nf 1 2 3 4\n")
+        report = planish.transfer(
+            *(self.path / name for name in ("from.obj", "to.obj", "out.glb")),
+            project=True,
+            cage=5,
+            texture_size=64,
+            bake=["height", "occlusion"],
+        )
+        self.assertEqual(report["baked"], ["occlusion", "height"])
+        self.assertEqual(report["height"]["file"], str(self.path / "out_height.png"))
+        self.assertEqual(report["files"], [str(self.path / "out_height.png"), str(self.path / "out.glb")])
+        self.assertAlmostEqual(report["height"]["low"], 0.02, 3)
+        self.assertAlmostEqual(report["height"]["high"], 0.03, 3)
+        with self.assertRaisesRegex(planish.InvalidArgument, "--bake=height is for --project"):
+            planish.transfer(*(self.path / name for name in ("from.obj", "to.obj", "out.obj")), bake=["height"])
 
     def test_errors_have_reasons(self):
         (self.path / "to.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
