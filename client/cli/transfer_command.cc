@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <iostream>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -53,12 +54,9 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
   app.add_flag("--project", arguments.project,
                "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
                "what FROM shows as images");
-  app.add_option("--bake", arguments.bake,
+  app.add_option("--bake", arguments.bake_list,
                  "Which images, separated by commas. With --project: colors, normals, height (a file beside OUT), "
                  "occlusion [colors,normals]. Without it: colors, those of the vertices [nothing]")
-      ->delimiter(',')
-      ->expected(1)
-      ->check(CLI::IsMember({"colors", "normals", "height", "occlusion"}).description(""))
       ->type_name("LIST");
   app.add_option("--cage", arguments.cage_percent,
                  "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
@@ -73,6 +71,13 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
 std::string Check(TransferArguments& arguments) {
   if (arguments.project && arguments.textures.merge_materials) {
     return "--project makes one material of its own; leave --merge-materials out";
+  }
+  std::istringstream list(arguments.bake_list);
+  for (std::string what; std::getline(list, what, ',');) {
+    if (what != "colors" && what != "normals" && what != "height" && what != "occlusion") {
+      return "--bake: " + Printable(what, true) + " is none of colors, normals, height, occlusion";
+    }
+    arguments.bake.push_back(what);
   }
   if (!arguments.project) {
     for (const std::string& what : arguments.bake) {

@@ -154,8 +154,7 @@ void GltfPatch::CountUses() {
 void GltfPatch::ReleaseView(std::int64_t view) {
   if (view < 0 || view >= static_cast<std::int64_t>(view_uses_.size())) return;
   if (--view_uses_[static_cast<std::size_t>(view)] > 0) return;
-  free_views_.push_back(view);
-  std::sort(free_views_.rbegin(), free_views_.rend());
+  free_views_.insert(std::upper_bound(free_views_.begin(), free_views_.end(), view, std::greater<>()), view);
 }
 
 void GltfPatch::ReleaseViews(const Json& accessor) {

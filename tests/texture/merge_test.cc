@@ -281,7 +281,9 @@ MeshFile Compressed(const MeshFile& plain) {
 int Unused(const Json& json) {
   std::set<std::int64_t> accessors, views;
   const auto find = [&](const auto& self, const Json& value) -> void {
-    for (const auto& [key, child] : value.items()) {
+    for (auto member = value.begin(); member != value.end(); ++member) {
+      const std::string key = value.is_object() ? member.key() : "";
+      const Json& child = *member;
       if (key == "bufferView") views.insert(child.get<std::int64_t>());
       if (key == "indices" && child.is_number()) accessors.insert(child.get<std::int64_t>());
       if (key == "attributes" && !value.contains("bufferView")) {
