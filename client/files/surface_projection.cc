@@ -291,18 +291,22 @@ std::string OnePixel(const std::array<std::uint8_t, 3>& rgb) {
   return EncodeImage(image).value_or("");
 }
 
+std::vector<double> CornerUv(const PolygonMesh& mesh) {
+  std::vector<double> uv;
+  for (const std::int32_t id : mesh.corner_texcoord) {
+    const Vec2 value = id < 0 ? Vec2(0, 0) : mesh.texcoords[static_cast<std::size_t>(id)];
+    uv.insert(uv.end(), {value.x(), value.y()});
+  }
+  return uv;
+}
+
 // `to` as a GLB whose only material has images of the given names, of one texel each; with normals and tangents. One is
 // "normals": writing the file with its own UV, images moving, makes tangents and splits vertices for them.
 absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, const std::vector<std::string>& names) {
-  std::vector<double> uv;
-  for (const std::int32_t id : to.mesh.corner_texcoord) {
-    const Vec2 value = id < 0 ? Vec2(0, 0) : to.mesh.texcoords[static_cast<std::size_t>(id)];
-    uv.insert(uv.end(), {value.x(), value.y()});
-  }
   OutputOptions options;
   options.format = MeshFormat::kGlb;
   options.path = "projected.glb";
-  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, WriteMeshWithUv(to, uv, options));
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, WriteMeshWithUv(to, CornerUv(to.mesh), options));
   PLANISH_ASSIGN_OR_RETURN(const MeshFile plain,
                            ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes)));
   const GltfMesh& gltf = *plain.gltf;
@@ -361,7 +365,8 @@ absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, const std::vector<
   PLANISH_ASSIGN_OR_RETURN(const MeshFile file, ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(glb)));
   options.textures.mode = TextureMode::kTransfer;
   options.textures.size = 1;
-  PLANISH_ASSIGN_OR_RETURN(written, WriteMeshWithUv(file, uv, options));
+  // Its polygons are triangles.
+  PLANISH_ASSIGN_OR_RETURN(written, WriteMeshWithUv(file, CornerUv(file.mesh), options));
   return ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes));
 }
 
