@@ -100,6 +100,7 @@ struct Baked {
 
   // The texel at UV, v upwards, from 0 to 1.
   double At(double u, double v) const {
+    if (image.texels.empty()) return HUGE_VAL;
     const auto x = static_cast<std::size_t>(u * image.header.width);
     const auto y = static_cast<std::size_t>((1 - v) * image.header.height);
     const std::size_t i = y * static_cast<std::size_t>(image.header.width) + x;
@@ -107,6 +108,7 @@ struct Baked {
     return reinterpret_cast<const std::uint16_t*>(image.texels.data())[i] / 65535.0;
   }
   double HeightAt(double u, double v) const {
+    if (!mesh.height) return HUGE_VAL;
     return mesh.height->low + (mesh.height->high - mesh.height->low) * At(u, v);
   }
 };
@@ -157,6 +159,7 @@ TEST(SurfaceProjection, HeightsAreDistancesAlongTheNormals) {
   const MeshFile coarse = OpenedObj(BentSquare(Vec2(-0.5, -0.5), Vec2(0.5, 0.5), 4, sphere(1)));
   const MeshFile fine = OpenedObj(BentSquare(Vec2(-0.8, -0.8), Vec2(0.8, 0.8), 96, sphere(1.05)));
   const Baked shell = Bake(fine, coarse, 0.1, true);
+  ASSERT_TRUE(shell.mesh.height);
   const double edge = 2 * std::asin(std::sqrt(0.5) * 0.25 / 2), sagitta = 1 - std::cos(edge / 2);
   EXPECT_NEAR(shell.mesh.height->low, 0.05, 5e-4);
   EXPECT_NEAR(shell.mesh.height->high, 0.05 + sagitta, 2e-3);
