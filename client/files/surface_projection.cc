@@ -447,7 +447,18 @@ absl::StatusOr<ProjectedMesh> ProjectSurface(const MeshFile& from, const MeshFil
   if (has_colors) names.push_back("colors");
   if (projection.occlusion) names.push_back("occlusion");
   PLANISH_ASSIGN_OR_RETURN(const MeshFile prepared, WithPlaceholders(to, names));
-  PLANISH_ASSIGN_OR_RETURN(const ProjectionTarget target, TargetOf(prepared));
+  PLANISH_ASSIGN_OR_RETURN(ProjectionTarget target, TargetOf(prepared));
+  if (!to.gltf) {
+    // A mesh far from the origin was moved there, by its node.
+    const Json& root = prepared.gltf->document.json;
+    Vec3 origin = Vec3::Zero();
+    for (int axis = 0; axis < 3; ++axis) {
+      origin[axis] = GltfNumberAt(root, Json::json_pointer("/nodes/0/translation") / static_cast<std::size_t>(axis), 0);
+    }
+    for (std::array<Vec3, 3>& corners : target.positions) {
+      for (Vec3& corner : corners) corner += origin;
+    }
+  }
   ProjectionOptions how;
   how.reach = projection.cage * DiagonalOf(prepared.mesh.positions);
   how.size = projection.size;

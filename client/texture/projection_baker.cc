@@ -71,7 +71,7 @@ class ProjectionDrawing {
       seen.color += ColorAt(f, hit.weights);
       seen.height += hit.distance;
       ++seen.hits;
-      if (options_.occlusion) LookAtSky(f, hit.weights, direction, k, TurnOf(centre), &seen);
+      if (options_.occlusion) LookAtSky(f, hit.weights, k, TurnOf(centre), &seen);
     }
     return seen;
   }
@@ -88,8 +88,7 @@ class ProjectionDrawing {
   }
 
   // Casts the rays of point `k` of a texel from a place of the source.
-  void LookAtSky(std::size_t f, const std::array<double, 3>& weights, const Vec3& normal, int k, double turn,
-                 Seen* seen) const {
+  void LookAtSky(std::size_t f, const std::array<double, 3>& weights, int k, double turn, Seen* seen) const {
     // Away from the face by more than the rounding of the rays.
     constexpr double kLift = 1e-5;  // of the diagonal
     constexpr int kAll = kPointsASide * kPointsASide * kSkyRays;
@@ -100,10 +99,11 @@ class ProjectionDrawing {
       corners[c] = source_.mesh->positions[static_cast<std::size_t>(face[c])];
       place += weights[c] * corners[c];
     }
-    Vec3 flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    if (!(flat.norm() > 0)) return;
-    flat.normalize();
-    place += kLift * 2 * scene_.half * flat;
+    // Smooth normals lean away from walls.
+    Vec3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    if (!(normal.norm() > 0)) return;
+    normal.normalize();
+    place += kLift * 2 * scene_.half * normal;
     const rays::Point origin = scene_.PointAt(place);
     const Vec3 side = normal.unitOrthogonal(), other = normal.cross(side);
     for (int i = k; i < kAll; i += kPointsASide * kPointsASide) {
@@ -114,7 +114,6 @@ class ProjectionDrawing {
       const double square = (i + 0.5) / kAll, radius = std::sqrt(square), angle = 2 * M_PI * inverse + turn;
       const Vec3 ray =
           radius * std::cos(angle) * side + radius * std::sin(angle) * other + std::sqrt(1 - square) * normal;
-      if (!(ray.dot(flat) > 0)) continue;
       ++seen->sky_rays;
       seen->hidden += scene_.solid->IsMet(
           origin, {static_cast<float>(ray.x()), static_cast<float>(ray.y()), static_cast<float>(ray.z())});

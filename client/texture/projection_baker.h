@@ -66,9 +66,9 @@ struct Projection {
 // Casts rays from 2 x 2 points of each texel along the target's interpolated normal, to both sides. The texel shows the
 // nearest hit on faces that face the same way. Texels without a hit are filled like gaps.
 //
-// Occlusion: from each hit, kSkyRays rays over the hemisphere of the source's normal, weighted by the cosine; the share
-// that meets the source, however far away, is hidden. Rays below the hit's own face do not count. The directions are a
-// fixed set, turned by an angle that depends on the texel.
+// Occlusion: from each hit, kSkyRays rays over the hemisphere of the hit face, weighted by the cosine; the share that
+// meets the source, however far away, is hidden. The directions are a fixed set, turned by an angle that depends on the
+// texel.
 //
 // CANCELLED; INVALID_ARGUMENT SURFACE_EMPTY if the source has no extent or positions that are not finite.
 absl::StatusOr<Projection> Project(const ProjectionSource& source, const ProjectionTarget& target,

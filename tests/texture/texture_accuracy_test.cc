@@ -163,7 +163,7 @@ TEST(SurfaceProjection, HeightsAreDistancesAlongTheNormals) {
   const double edge = 2 * std::asin(std::sqrt(0.5) * 0.25 / 2), sagitta = 1 - std::cos(edge / 2);
   EXPECT_NEAR(shell.mesh.height->low, 0.05, 5e-4);
   EXPECT_NEAR(shell.mesh.height->high, 0.05 + sagitta, 2e-3);
-  EXPECT_GT(sagitta, 0.005);
+  EXPECT_GT(sagitta, 0.003);
 }
 
 TEST(SurfaceProjection, OcclusionIsThatOfAFloorBesideAWall) {
