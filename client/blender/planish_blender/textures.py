@@ -27,7 +27,7 @@ class _Node:
     """A node that reads the old map, and what becomes of it."""
 
     path: tuple  # names of group nodes, and its own
-    reading: Any = None  # transfer.Reading: its image can be drawn anew
+    reading: Any = None  # transfer.Reading: its image can be redrawn
     normal_maps: tuple = ()  # names of nodes beside it that read the image as directions
     by_default: bool = False  # it reads the map only as long as that is the one for rendering
 
@@ -43,7 +43,7 @@ class _Use:
     parts: list = field(default_factory=list)
     mask: Any = None  # the triangles of the sheet
     nodes: list = field(default_factory=list)
-    kept: list = field(default_factory=list)  # why images are not drawn anew
+    kept: list = field(default_factory=list)  # why images are not redrawn
     keeps_default: bool = False  # a node reads the map for rendering, and cannot name another
 
 
@@ -274,7 +274,7 @@ class Textures:
 
 
 class _Kept(Exception):
-    """Why an image is not drawn anew, after its name."""
+    """Why an image is not redrawn, after its name."""
 
 
 def find(sheets, settings):

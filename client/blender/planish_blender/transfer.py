@@ -1,4 +1,4 @@
-"""Images drawn anew for a new UV map by the command `planish transfer`. Nothing here uses Blender."""
+"""Redraws images for a new UV map by the command `planish transfer`. Nothing here uses Blender."""
 
 import json
 import os
