@@ -89,7 +89,8 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
     )
     transfer_textures: bpy.props.BoolProperty(
         name="Transfer Textures",
-        description="Where materials read images with the UV map: the new one becomes a UV map of its own, for which these images are redrawn, with the same texel density. Off: the UV map is replaced",
+        description="Where materials read images with the UV map: the new one becomes a UV map of its own, for which these images are "
+        "redrawn, with the same texel density. Off: the UV map is replaced",
         default=True,
     )
 
