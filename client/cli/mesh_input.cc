@@ -93,6 +93,12 @@ MeshInput::MeshInput(std::vector<MeshFile> files) {
   }
 }
 
+std::vector<const MeshFile*> MeshInput::Files() const {
+  std::vector<const MeshFile*> files;
+  for (const Part& part : parts_) files.push_back(&part.file);
+  return files;
+}
+
 MeshView MeshInput::view() const {
   if (mesh_.positions.empty() || mesh_.faces.empty()) {
     return MeshView(std::span<const double>(), std::span<const std::int32_t>());

@@ -43,6 +43,7 @@ class MeshInput {
   // The first file.
   const std::string& path() const { return parts_.front().file.path; }
   const MeshFile& file() const { return parts_.front().file; }
+  std::vector<const MeshFile*> Files() const;
   const Triangulation& triangulation() const { return parts_.front().triangulation; }  // without its mesh
   // The mesh of all files, as sent.
   const Mesh& mesh() const { return mesh_; }

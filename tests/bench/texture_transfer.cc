@@ -4,6 +4,9 @@
 // code 1 if a limit is not kept: 2 in the mean and 12 at the 99th percentile of smooth content, a tenth more than the
 // reference of other content, 2 degrees.
 //
+// planish_texture_transfer samples FOLDER [--detail=N] [--texels=N]: writes the models that "looks" compares, as
+// FOLDER/NAME.glb; names of those with smooth content begin with "smooth_".
+//
 // planish_texture_transfer write FILE [--texels=N]; planish_texture_transfer cost FILE: a mesh of 100,000 triangles
 // with four maps; then the seconds of CPU that resampling the maps takes beside decoding and encoding them as PNG, and
 // the most memory that the process had. Exit code 1 if resampling takes longer, or the memory is above 600 MB.
@@ -70,6 +73,16 @@ int CompareLooks(int detail, int texels, int points) {
     is_good &= holds;
   }
   return is_good ? 0 : 1;
+}
+
+int WriteSamples(const std::string& folder, int detail, int texels) {
+  for (const SampleModel& model : SampleModels(detail, texels)) {
+    const bool is_smooth = model.is_smooth && !model.materials[0].is_normal;
+    std::ofstream file(folder + "/" + (is_smooth ? "smooth_" : "") + model.name + ".glb", std::ios::binary);
+    file << model.Glb();
+    if (!file) return 1;
+  }
+  return 0;
 }
 
 // Waves and a little noise, as in photographs.
@@ -170,6 +183,10 @@ int main(int argc, char** argv) {
   looks.add_option("--detail", detail, "Squares a side of a patch [64]");
   looks.add_option("--texels", texels, "Of a side of the images [512]");
   looks.add_option("--points", points, "Of the surface [100000]");
+  CLI::App& samples = *app.add_subcommand("samples", "The models of looks");
+  samples.add_option("FOLDER", write)->required();
+  samples.add_option("--detail", detail, "Squares a side of a patch [64]");
+  samples.add_option("--texels", texels, "Of a side of the images [512]");
   CLI::App& write_four = *app.add_subcommand("write", "A model with four maps");
   write_four.add_option("FILE", write)->required();
   write_four.add_option("--texels", side, "Of a side of the images [4096]");
@@ -178,6 +195,7 @@ int main(int argc, char** argv) {
   CLI::App& project = *app.add_subcommand("project", "A scan onto its decimated copy");
   app.require_subcommand(1);
   CLI11_PARSE(app, argc, argv);
+  if (samples.parsed()) return planish::WriteSamples(write, detail, texels);
   if (looks.parsed()) return planish::CompareLooks(detail, texels, points);
   if (project.parsed()) return planish::MeasureProjection();
   if (cost.parsed()) return planish::MeasureCost(read);

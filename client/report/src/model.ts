@@ -1,6 +1,6 @@
 // One map on the graphics card, for both views.
 import * as THREE from 'three';
-import { FAULTS, type Finding, type MapData } from './data';
+import { FAULTS, type Finding, type MapData, type TextureInfo } from './data';
 import {
   FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, SEAM_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode,
   MODES,
@@ -100,8 +100,10 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   }
   const size = info.places + copies;
   const place = new Uint16Array(4 * size), texcoord = new Uint16Array(2 * size), face = new Uint32Array(size);
+  const fine = data.texture ? new Uint16Array(2 * size).fill(32768) : null;
   place.set(places);
   texcoord.set(uv);
+  if (data.uvFine) fine?.set(data.uvFine);
   const index = new Uint32Array(3 * n);
   for (let f = 0, next = info.places; f < n; ++f) {
     const k = provoking[f]! % 3, corner = provoking[f] === 3 ? 2 : k;
@@ -109,6 +111,7 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
     if (provoking[f] === 3) {
       place.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
       texcoord.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
+      fine?.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
       vertex = next++;
     }
     face[vertex] = f;
@@ -120,7 +123,45 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   geometry.setAttribute('aPlace', integers(place, 4));
   geometry.setAttribute('aUv', integers(texcoord, 2));
   geometry.setAttribute('aFace', integers(face, 1));
+  if (fine) geometry.setAttribute('aFine', integers(fine, 2));
   return geometry;
+}
+
+// The same geometry with those triangles only that show each of the textures; the last is of those that show none.
+function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures: TextureInfo[]): THREE.BufferGeometry[] {
+  const slotOf = (t: number): number => (t >= 0 && textures[t]!.image >= 0 ? t : textures.length);
+  const sizes = new Uint32Array(textures.length + 1);
+  for (const t of texture) sizes[slotOf(t)]! += 3;
+  const all = geometry.getIndex()!.array as Uint32Array;
+  const parts = Array.from(sizes, (size) => new Uint32Array(size));
+  sizes.fill(0);
+  texture.forEach((t, f) => {
+    const slot = slotOf(t);
+    for (let k = 0; k < 3; ++k) parts[slot]![sizes[slot]!++] = all[3 * f + k]!;
+  });
+  return parts.map((index) => {
+    const part = new THREE.BufferGeometry();
+    for (const [name, attribute] of Object.entries(geometry.attributes)) part.setAttribute(name, attribute);
+    part.setIndex(new THREE.BufferAttribute(index, 1));
+    return part;
+  });
+}
+
+const WRAPS = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
+const ALPHAS = ['opaque', 'mask', 'blend'];
+
+// An image as a texture reads it: in linear light, with mipmaps.
+function imageTexture(image: ImageBitmap, info: TextureInfo, anisotropy: number): THREE.Texture {
+  const texture = new THREE.Texture(image);
+  texture.wrapS = WRAPS[info.wrap[0]];
+  texture.wrapT = WRAPS[info.wrap[1]];
+  texture.magFilter = info.nearest ? THREE.NearestFilter : THREE.LinearFilter;
+  texture.minFilter = THREE.LinearMipmapLinearFilter;
+  texture.anisotropy = anisotropy;
+  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.flipY = false;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 // The map of the whole page is drawn by one set of uniforms: modes and marks are the same in both views.
@@ -138,6 +179,8 @@ export class MapModel {
   private readonly paddingMesh: THREE.Mesh;
   private readonly surfaceLines: THREE.Mesh;
   private readonly geometry: THREE.BufferGeometry;
+  private readonly faces: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>[] = []; // on the surface, in the layout
+  private textured: THREE.Mesh[] = []; // instead of `faces`, once there are images
   private wires: THREE.LineSegments[] = []; // made when they are first asked for
 
   // firstProvokes: which vertex of a triangle its flat values come from, the first or the last.
@@ -190,6 +233,7 @@ export class MapModel {
       uStretchTop: { value: 1 },
       uAngleTop: { value: 20 },
       uLight: { value: 0.9 },
+      uPage: { value: new THREE.Vector3() },
     };
     this.geometry = drawable(data, places, firstProvokes);
     for (const [scene, isLayout, isPick] of [
@@ -209,6 +253,7 @@ export class MapModel {
       const mesh = new THREE.Mesh(this.geometry, material);
       mesh.frustumCulled = false;
       scene.add(mesh);
+      if (!isPick) this.faces.push(mesh);
     }
     // Surface seams lie over the faces, padding below them, outlines on top.
     const line = (isLayout: boolean): THREE.RawShaderMaterial =>
@@ -242,7 +287,6 @@ export class MapModel {
     this.surface.add(this.surfaceLines);
     this.paddingMesh = mesh(this.lines.padding, -1);
     this.layout.add(this.paddingMesh, mesh(this.lines.outline, 1));
-    (this.layout.children[0] as THREE.Mesh).renderOrder = 0;
   }
 
   private lineGeometry(): THREE.InstancedBufferGeometry {
@@ -263,8 +307,48 @@ export class MapModel {
     return geometry;
   }
 
+  get hasTextures(): boolean {
+    return this.data.texture !== null;
+  }
+  setImages(images: ImageBitmap[], anisotropy: number): void {
+    const { texture, info } = this.data, { textures = [] } = info;
+    if (!texture) return;
+    const parts = byTexture(this.geometry, texture, textures), drawn = new Map<string, THREE.Texture>();
+    for (const [i, geometry] of parts.entries()) {
+      if (geometry.getIndex()!.count === 0) continue;
+      const of = textures[i];
+      for (const [k, scene] of [this.surface, this.layout].entries()) {
+        let material = this.faces[k]!.material;
+        if (of) {
+          const key = `${of.image} ${of.wrap.join()} ${of.nearest}`;
+          if (!drawn.has(key)) drawn.set(key, imageTexture(images[of.image]!, of, anisotropy));
+          material = material.clone();
+          material.defines = { ...material.defines, TEXTURED: '' };
+          material.uniforms = {
+            ...this.uniforms,
+            tImage: { value: drawn.get(key) },
+            uTransform: { value: new THREE.Matrix3(...(of.transform as [number, number, number, number, number, number]), 0, 0, 1) },
+            uFactor: { value: new THREE.Vector4(...of.factor) },
+            uAlpha: { value: ALPHAS.indexOf(of.alpha) },
+            uCutoff: { value: of.cutoff },
+          };
+        }
+        const mesh = new THREE.Mesh(geometry, material);
+        mesh.frustumCulled = false;
+        scene.add(mesh);
+        this.textured.push(mesh);
+      }
+    }
+  }
+  setPage(color: THREE.Color): void {
+    this.uniforms.uPage!.value.set(color.r, color.g, color.b);
+  }
+
   setMode(mode: Mode, isDark: boolean): void {
     this.uniforms.uMode!.value = MODES.indexOf(mode);
+    const isTextured = mode === 'textured' && this.textured.length > 0;
+    for (const mesh of this.faces) mesh.visible = !isTextured;
+    for (const mesh of this.textured) mesh.visible = isTextured;
     this.uniforms.uLight!.value = isDark ? 0.16 : 0.93;
     const isSeams = mode === 'seams';
     for (const lines of [this.lines.surface, this.lines.outline]) lines.uniforms.uByVisibility!.value = isSeams;
