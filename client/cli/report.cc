@@ -129,7 +129,8 @@ MovedTextures TexturesOf(const UnwrapFiles& files, const CheckedMap& before, con
   if (paths.empty()) return moved;
   const MeshInput& input = files.input();
   if (before.has_uv()) {
-    moved.before = moved.images.Of(input, before, files.texcoord(), files.outputs().front().textures.allow_outside);
+    moved.before =
+        moved.images.Of(input, before, files.texcoord(), bakes_colors, files.outputs().front().textures.allow_outside);
   }
   if (moved.images.empty() && !bakes_colors) return moved;
   const int texcoord = files.outputs().front().texcoord;

@@ -31,8 +31,8 @@ constexpr char kReportHelp[] = R"(Examples:
   planish unwrap props/ -o done/ --report=sheet.html       the same of a batch
 
 The page is one file, opened from disk; it asks the network for nothing. It shows the surface and the layout, linked by
-hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings, which
-lead to the triangles that they are about. It needs a browser with WebGL 2.
+hovering and clicking, with checker, charts, stretch, angle error, seams, colours or textures; a table of charts; and
+warnings, which lead to the triangles that they are about. It needs a browser with WebGL 2.
 
 More than two files, a directory, or a directory after -o make a contact sheet: an index with a small picture and the key
 figures of each file, sorted as you like, and a page for each. DIR has the index as DIR/index.html and the pages beside it

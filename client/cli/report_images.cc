@@ -116,11 +116,31 @@ class WrittenTriangles {
     return found;
   }
 
+  // The corner of `found` at the place of corner k of a face that it was found for.
+  std::size_t CornerOf(std::size_t found, const CheckedMap& map, std::size_t face, std::size_t k) const {
+    const Vec3& place = map.mesh.positions[static_cast<std::size_t>(map.mesh.faces[face][k])];
+    std::size_t nearest = 0;
+    for (std::size_t j = 1; j < 3; ++j) {
+      if ((At(found, j) - place).squaredNorm() < (At(found, nearest) - place).squaredNorm()) nearest = j;
+    }
+    return 3 * found + nearest;
+  }
+
  private:
+  const Vec3& At(std::size_t face, std::size_t k) const {
+    return mesh_.positions[static_cast<std::size_t>(mesh_.faces[face][k])];
+  }
+
   const Mesh& mesh_;
   const std::vector<double> uv_;
   std::unordered_multimap<TrianglePlaces, std::size_t, TrianglePlacesHash> by_places_;
 };
+
+// The colours of a glTF's corners have the factors of the materials in them.
+void LeaveFactorsToColors(MapTextures* textures) {
+  if (textures->colors.empty()) return;
+  for (BaseColor& color : textures->list) color.factor = {1, 1, 1, 1};
+}
 
 bool ShowsNoImage(const std::vector<BaseColor>& colors) {
   return std::all_of(colors.begin(), colors.end(), [](const BaseColor& color) { return color.image < 0; });
@@ -162,13 +182,20 @@ std::vector<BaseColor> ReportImages::Read(const MeshInput& input, int texcoord, 
   return all;
 }
 
-MapTextures ReportImages::Of(const MeshInput& input, const CheckedMap& map, int texcoord, bool allow_outside) {
+MapTextures ReportImages::Of(const MeshInput& input, const CheckedMap& map, int texcoord, bool colors_suffice,
+                             bool allow_outside) {
   MapTextures textures;
-  if (map.material_of_face.empty()) return textures;
-  std::vector<BaseColor> colors = Read(input, texcoord, allow_outside);
-  if (ShowsNoImage(colors)) return textures;
-  textures.list = std::move(colors);
-  textures.of_face = map.material_of_face;
+  std::vector<BaseColor> list = Read(input, texcoord, allow_outside);
+  if (ShowsNoImage(list) && !colors_suffice) return textures;
+  const std::vector<CornerColor> colors = input.CornerColors();
+  for (std::size_t f = 0; f < map.mesh.faces.size(); ++f) {
+    textures.of_face.push_back(map.material_of_face.empty() ? -1 : map.material_of_face[f]);
+    if (colors.empty()) continue;
+    const auto triangle = static_cast<std::size_t>(map.triangle_of_face[f]);
+    for (std::size_t k = 0; k < 3; ++k) textures.colors.push_back(colors[3 * triangle + k]);
+  }
+  textures.list = std::move(list);
+  LeaveFactorsToColors(&textures);
   return textures;
 }
 
@@ -176,14 +203,19 @@ MapTextures ReportImages::OfWritten(const MeshInput& written, const CheckedMap& 
   MapTextures textures;
   const std::vector<std::int32_t> materials = written.FaceMaterials();
   if (materials.empty()) return textures;
-  std::vector<BaseColor> colors = Read(written, texcoord, true);
-  if (ShowsNoImage(colors)) return textures;
-  textures.list = std::move(colors);
+  std::vector<BaseColor> list = Read(written, texcoord, true);
+  if (ShowsNoImage(list)) return textures;
+  const std::vector<CornerColor> colors = written.CornerColors();
   const WrittenTriangles triangles(written);
   for (std::size_t f = 0; f < map.mesh.faces.size(); ++f) {
     const std::optional<std::size_t> found = triangles.Find(map, f);
     textures.of_face.push_back(found ? materials[*found] : -1);
+    for (std::size_t k = 0; k < 3 && !colors.empty(); ++k) {
+      textures.colors.push_back(found ? colors[triangles.CornerOf(*found, map, f, k)] : CornerColor{1, 1, 1, 1});
+    }
   }
+  textures.list = std::move(list);
+  LeaveFactorsToColors(&textures);
   return textures;
 }
 

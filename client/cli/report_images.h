@@ -16,7 +16,11 @@ namespace planish::cli {
 // What the triangles of a map show.
 struct MapTextures {
   std::vector<std::int32_t> of_face;  // per face of CheckedMap::mesh: of `list`, -1: none
-  std::vector<BaseColor> list;        // BaseColor::image: of ReportImages, -1: one that cannot be shown
+  std::vector<BaseColor> list;        // BaseColor::image: of ReportImages, -1: none that can be shown
+  // What the list's colours are multiplied by, three a face, if the file has colours of vertices.
+  std::vector<CornerColor> colors;
+
+  bool empty() const { return list.empty() && colors.empty(); }
 };
 
 class ReportImages {
@@ -27,8 +31,10 @@ class ReportImages {
   static constexpr int kMostSide = 4096;
 
   // The images that `input` has for `map`, its own: those that materials read with the set `texcoord`. Images that
-  // cannot be read are named in the page. `allow_outside`: whether images may lie outside of the files' folders.
-  MapTextures Of(const MeshInput& input, const CheckedMap& map, int texcoord, bool allow_outside = false);
+  // cannot be read are named in the page. `colors_suffice`: colours of vertices count even if there are no images.
+  // `allow_outside`: whether images may lie outside of the files' folders.
+  MapTextures Of(const MeshInput& input, const CheckedMap& map, int texcoord, bool colors_suffice = false,
+                 bool allow_outside = false);
   // The images that the files `written` have for `map`, whose triangles may have another order there.
   MapTextures OfWritten(const MeshInput& written, const CheckedMap& map, int texcoord);
 

@@ -16,6 +16,7 @@
 #include "absl/strings/escaping.h"
 #include "client/cli/check.h"
 #include "client/cli/text.h"
+#include "client/texture/image.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/visibility.h"
 
@@ -132,7 +133,7 @@ class MapWriter {
                  {"numbers", CheckLines(reported_.input, reported_.options, map_)},
                  {"findings", Findings()},
                  {"sections", Json::object()}};
-    if (!reported_.textures.list.empty()) AddTextures(&json);
+    if (!reported_.textures.empty()) AddTextures(&json);
     for (const auto& [name, section] : sections_) {
       json["sections"][name] = section.size();
       *bytes += section;
@@ -221,6 +222,18 @@ class MapWriter {
                                return value - std::round(value) + 0.5;
                              }));
     }
+    if (!reported_.textures.colors.empty()) {
+      std::string colors;
+      for (const std::size_t corner : corner_of_place_) {
+        const CornerColor& color = reported_.textures.colors[corner];
+        for (std::size_t k = 0; k < 4; ++k) {
+          const double value = std::clamp<double>(color[k], 0, 1);
+          colors.push_back(static_cast<char>(std::lround(255 * (k < 3 ? SrgbOfLinear(value) : value))));
+        }
+      }
+      sections_.emplace_back("colors", std::move(colors));
+    }
+    (*json)["textures"] = Json::array();
     for (const BaseColor& color : reported_.textures.list) {
       const char* const alphas[] = {"opaque", "mask", "blend"};
       const char* const wraps[] = {"repeat", "mirror", "clamp"};

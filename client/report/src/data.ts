@@ -100,6 +100,7 @@ export interface MapData {
   outline: Uint32Array; // half-edges: corner c faces the edge
   visibility: Uint8Array; // per triangle, 0 to 254: the share of its surroundings that is open
   texture: Int32Array | null; // per triangle: of MapInfo.textures, -1: none
+  colors: Uint8Array | null; // 4 a place, sRGB and alpha: what textures are multiplied by
   uvFine: Uint16Array | null; // 2 a place: what `uv` lacks, plus a half, in 65535ths of its steps
   seams: Uint8Array; // of each half-edge of the outline, the same; 255: the surface ends there
 }
@@ -189,6 +190,7 @@ function decode(info: MapInfo, bytes: Uint8Array): MapData {
     material: running('material', new Int32Array(n)),
     outline: running('outline', new Uint32Array(countVarints(section.outline!))),
     texture: section.texture ? running('texture', new Int32Array(n)) : null,
+    colors: section.colors ?? null,
     uvFine: section.uvFine ? fromPlanes(section.uvFine, info.places, 2) : null,
     visibility: section.visibility!,
     seams: section.seams!,

@@ -85,6 +85,8 @@ async function start(): Promise<void> {
     mode: 'checker', wireframe: false, seams: true, padding: true, texturedSeams: false, texturedPadding: false, shown: page.maps.map((_, i) => i),
     isDark: matchMedia('(prefers-color-scheme: dark)').matches, selected: null, hovered: null,
   };
+  // "report.html#charts" opens in that mode.
+  state.mode = modes.find((mode) => mode === location.hash.slice(1)) ?? state.mode;
   // Both maps by the same scales, which end where a fiftieth of the triangles is beyond.
   const stretchTop = Math.max(0.25, ...models.map((m) => (m.quantile(m.data.stretch, 0.98) / 254) * STRETCH_RANGE));
   const angleTop = Math.max(2, ...models.map((m) => angleOf(m.quantile(m.data.angle, 0.98))));

@@ -101,9 +101,11 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   const size = info.places + copies;
   const place = new Uint16Array(4 * size), texcoord = new Uint16Array(2 * size), face = new Uint32Array(size);
   const fine = data.texture ? new Uint16Array(2 * size).fill(32768) : null;
+  const colors = data.texture ? new Uint8Array(4 * size).fill(255) : null;
   place.set(places);
   texcoord.set(uv);
   if (data.uvFine) fine?.set(data.uvFine);
+  if (data.colors) colors?.set(data.colors);
   const index = new Uint32Array(3 * n);
   for (let f = 0, next = info.places; f < n; ++f) {
     const k = provoking[f]! % 3, corner = provoking[f] === 3 ? 2 : k;
@@ -112,6 +114,7 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
       place.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
       texcoord.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
       fine?.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
+      colors?.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
       vertex = next++;
     }
     face[vertex] = f;
@@ -124,12 +127,13 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   geometry.setAttribute('aUv', integers(texcoord, 2));
   geometry.setAttribute('aFace', integers(face, 1));
   if (fine) geometry.setAttribute('aFine', integers(fine, 2));
+  if (colors) geometry.setAttribute('aColor', integers(colors, 4));
   return geometry;
 }
 
 // The same geometry with those triangles only that show each of the textures; the last is of those that show none.
 function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures: TextureInfo[]): THREE.BufferGeometry[] {
-  const slotOf = (t: number): number => (t >= 0 && textures[t]!.image >= 0 ? t : textures.length);
+  const slotOf = (t: number): number => (t >= 0 && t < textures.length ? t : textures.length);
   const sizes = new Uint32Array(textures.length + 1);
   for (const t of texture) sizes[slotOf(t)]! += 3;
   const all = geometry.getIndex()!.array as Uint32Array;
@@ -146,6 +150,13 @@ function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures
     return part;
   });
 }
+
+// What materials without an image show, but for their factor.
+const PLAIN: TextureInfo = {
+  image: -1, transform: [1, 0, 0, 0, 1, 0], wrap: ['repeat', 'repeat'], nearest: false, factor: [1, 1, 1, 1], alpha: 'opaque', cutoff: 0,
+};
+const WHITE = new THREE.DataTexture(new Uint8Array(4).fill(255), 1, 1);
+WHITE.needsUpdate = true;
 
 const WRAPS = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
 const ALPHAS = ['opaque', 'mask', 'blend'];
@@ -307,26 +318,27 @@ export class MapModel {
     return geometry;
   }
 
-  get hasTextures(): boolean {
-    return this.data.texture !== null;
-  }
   setImages(images: ImageBitmap[], anisotropy: number): void {
-    const { texture, info } = this.data, { textures = [] } = info;
+    const { texture, info, colors } = this.data, { textures = [] } = info;
     if (!texture) return;
-    const parts = byTexture(this.geometry, texture, textures), drawn = new Map<string, THREE.Texture>();
-    for (const [i, geometry] of parts.entries()) {
+    const drawn = new Map<string, THREE.Texture>();
+    const imageOf = (info: TextureInfo): THREE.Texture => {
+      if (info.image < 0) return WHITE;
+      const key = `${info.image} ${info.wrap.join()} ${info.nearest}`;
+      if (!drawn.has(key)) drawn.set(key, imageTexture(images[info.image]!, info, anisotropy));
+      return drawn.get(key)!;
+    };
+    for (const [i, geometry] of byTexture(this.geometry, texture, textures).entries()) {
       if (geometry.getIndex()!.count === 0) continue;
-      const of = textures[i];
+      const of = textures[i] ?? (colors ? PLAIN : undefined);
       for (const [k, scene] of [this.surface, this.layout].entries()) {
         let material = this.faces[k]!.material;
         if (of) {
-          const key = `${of.image} ${of.wrap.join()} ${of.nearest}`;
-          if (!drawn.has(key)) drawn.set(key, imageTexture(images[of.image]!, of, anisotropy));
           material = material.clone();
           material.defines = { ...material.defines, TEXTURED: '' };
           material.uniforms = {
             ...this.uniforms,
-            tImage: { value: drawn.get(key) },
+            tImage: { value: imageOf(of) },
             uTransform: { value: new THREE.Matrix3(...(of.transform as [number, number, number, number, number, number]), 0, 0, 1) },
             uFactor: { value: new THREE.Vector4(...of.factor) },
             uAlpha: { value: ALPHAS.indexOf(of.alpha) },

@@ -27,8 +27,10 @@ uniform usampler2D tFace;    // stretch, angle, faults, marked
 uniform usampler2D tChart;   // chart, material + 1 and visibility above 24 bits
 #ifdef TEXTURED
 in uvec2 aFine;              // of aUv: what it lacks, plus a half, in 65535ths
+in uvec4 aColor;             // sRGB and alpha: what the image is multiplied by
 uniform mat3 uTransform;     // to places in the image, v downwards
 out vec2 vImage;
+out vec4 vFactor;
 #endif
 flat out int vFace;
 flat out uvec4 vValues;
@@ -50,6 +52,8 @@ void main() {
 #ifdef TEXTURED
   vec2 at = uUvLow + uUvSize * (vec2(aUv) + vec2(aFine) / 65535.0 - 0.5) / 65535.0;
   vImage = (uTransform * vec3(at.x, 1.0 - at.y, 1.0)).xy;
+  vec4 c = vec4(aColor) / 255.0;
+  vFactor = vec4(mix(c.rgb / 12.92, pow((c.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(c.rgb, vec3(0.04045))), c.a);
 #endif
   vNormal = mat3(modelViewMatrix) * unpackNormal(aPlace.w);
 #ifdef LAYOUT
@@ -108,6 +112,7 @@ uniform int uAlpha;          // 0: opaque, 1: mask, 2: blend
 uniform float uCutoff;
 uniform vec3 uPage;          // what is seen through the surface
 in vec2 vImage;
+in vec4 vFactor;
 #endif
 ${SCALES}
 // Hues by the golden angle, lightness in three steps.
@@ -123,7 +128,7 @@ float squares(vec2 p) {
 }
 vec3 surfaceColor() {
 #ifdef TEXTURED
-  vec4 texel = texture(tImage, vImage) * uFactor;
+  vec4 texel = texture(tImage, vImage) * uFactor * vFactor;
   if (uAlpha == 1 && texel.a < uCutoff || uAlpha == 2 && texel.a < 0.004) discard;
   vec3 display = mix(12.92 * texel.rgb, 1.055 * pow(texel.rgb, vec3(1.0 / 2.4)) - 0.055, greaterThan(texel.rgb, vec3(0.0031308)));
   return uAlpha == 2 ? mix(uPage, display, texel.a) : display;
@@ -151,7 +156,7 @@ void main() {
   if (!(dot(n, flatNormal) > 0.82)) n = flatNormal;
   float facing = abs(dot(n, normalize(vEye)));
   c *= uMode == 6 ? 0.6 + 0.4 * facing : 0.34 + 0.66 * facing;
-  if (!gl_FrontFacing && uMode != 0) c *= 0.72;
+  if (!gl_FrontFacing && uMode != 0 && uMode != 6) c *= 0.72;
 #endif
   if (uMarks && vValues.w != 0u) c = mix(c, vec3(0.90, 0.10, 0.42), 0.85);
   if (uSelected >= 0) c = int(vGroup.x) == uSelected ? mix(c, vec3(1.0), 0.12) : mix(c, vec3(uLight), 0.72);
