@@ -80,13 +80,8 @@ const stripes = (x, y) => {
 };
 const image = (color, side = SIDE) => png(side, side, (x, y, c) => Math.min(1, Math.max(0, color((x + 0.5) / side, (y + 0.5) / side)[c])));
 
+// In the order in which the layout draws them.
 const parts = [
-  { name: 'wood', image: image(wood), mesh: box([0, -0.1, 0], [1.7, 0.1, 1.1], 3.4) },
-  { name: 'brick', image: image(brick, SIDE / 2), mesh: box([-0.9, 0.4, -0.3], [0.4, 0.4, 0.4], 0.8) },
-  {
-    name: 'ball', image: image(stripes),
-    mesh: turned(64, 32, [0.15, 0.45, 0.35], (t) => [0.45 * Math.sin(Math.PI * t), -0.45 * Math.cos(Math.PI * t)], [1, 1]),
-  },
   {
     name: 'vase', factor: [0.25, 0.04, 0.2, 1],
     mesh: turned(48, 40, [1.1, 0, -0.3], (t) => [0.22 + 0.16 * Math.sin(5 * t + 0.4) * (1 - 0.4 * t), 1.15 * t]),
@@ -95,6 +90,12 @@ const parts = [
     name: 'ring', factor: [0.9, 0.5, 0.05, 1],
     mesh: turned(64, 24, [-0.45, 0.08, 0.6], (t) => [0.28 + 0.08 * Math.cos(TURN * t), 0.08 * Math.sin(TURN * t)]),
   },
+  {
+    name: 'ball', image: image(stripes),
+    mesh: turned(64, 32, [0.15, 0.45, 0.35], (t) => [0.45 * Math.sin(Math.PI * t), -0.45 * Math.cos(Math.PI * t)], [1, 1]),
+  },
+  { name: 'brick', image: image(brick, SIDE / 2), mesh: box([-0.9, 0.4, -0.3], [0.4, 0.4, 0.4], 0.8) },
+  { name: 'wood', image: image(wood), mesh: box([0, -0.1, 0], [1.7, 0.1, 1.1], 3.4) },
 ];
 
 const chunks = [], bufferViews = [];

@@ -555,9 +555,7 @@ degrees, of which 2 are. Images are PNG at equal texel density, one JPEG."
 over the pixels that the model covers, in dB. Smooth content must reach 36."
     echo
     node "$here/texture_pictures.mjs" "$bin/planish" "$(command -v chromium)" "$work" "$work"/samples/*.glb || failed=1
-    echo
-    echo "![Before and after](textures.jpg)"
-    echo
+    printf '\n%s\n\n' "![Before and after](textures.jpg)"
     echo "A mesh of 100,000 triangles with four images of $side x $side: CPU seconds, and the most memory of the process."
     echo
     echo '```'
@@ -566,19 +564,9 @@ over the pixels that the model covers, in dB. Smooth content must reach 36."
     "$tool" project || failed=1
     echo '```'
   } >"$out/textures.md"
-  draw_looks
+  (cd "$work" && montage -label '%t' {smooth_torus,smooth_box,smooth_pair,letters}.{before,after}.png -tile 4x \
+    -geometry 480x480+6+6 -quality 85 "$(realpath "$out")/textures.jpg")
   return $failed
-}
-
-# $out/textures.jpg: some models before and after, beside each other.
-draw_looks() {
-  local model row=() rows=()
-  for model in smooth_torus smooth_box smooth_pair letters; do
-    row=("$work/$model."{before,after}.png)
-    rows+=("${row[@]}")
-  done
-  montage -label before "${rows[0]}" -label after "${rows[1]}" +label "${rows[@]:2}" -tile 4x -background white \
-    -geometry 480x480+6+6 -quality 85 "$out/textures.jpg"
 }
 
 mutations() {
