@@ -103,7 +103,7 @@ class WrittenTriangles {
     for (std::size_t f = 0; f < mesh_.faces.size(); ++f) by_places_.emplace(TrianglePlacesOf(mesh_, f), f);
   }
 
-  // The triangle at the same places; of several the one that is nearest in the map.
+  // The triangle with the same corners; if there are several, the nearest in the map.
   std::optional<std::size_t> Find(const CheckedMap& map, std::size_t face) const {
     const auto [begin, end] = by_places_.equal_range(TrianglePlacesOf(map.mesh, face));
     const Vec2 middle = MiddleInMap(map.uv, face);

@@ -30,7 +30,7 @@ class ReportImages {
   static constexpr std::size_t kMostBytes = std::size_t{32} << 20;
   static constexpr int kMostSide = 4096;
 
-  // The images that `input` has for `map`, its own: those that materials read with the set `texcoord`. Images that
+  // The images of `input` that materials read with the set `texcoord`, for `map`, the file's own map. Images that
   // cannot be read are named in the page. `colors_suffice`: colours of vertices count even if there are no images.
   // `allow_outside`: whether images may lie outside of the files' folders.
   MapTextures Of(const MeshInput& input, const CheckedMap& map, int texcoord, bool colors_suffice = false,
@@ -47,7 +47,7 @@ class ReportImages {
  private:
   struct Image {
     std::string name, bytes;
-    int width = 0, height = 0;  // as they are shown
+    int width = 0, height = 0;  // in the page
     int file_width = 0, file_height = 0;
     std::string type;  // "image/png"
   };

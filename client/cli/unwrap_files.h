@@ -39,7 +39,7 @@ class UnwrapFiles {
   const MeshInput& input() const { return input_; }
   // The set of UV that is read, of a glTF.
   int texcoord() const { return texcoord_; }
-  // What is written; empty without a path.
+  // The files to write; empty without a path.
   const std::vector<OutputOptions>& outputs() const { return outputs_; }
   // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
   MeshView view() const;

@@ -19,7 +19,7 @@ enum class AlphaMode { kOpaque, kMask, kBlend };
 struct BaseColor {
   std::int64_t image = -1;  // of BaseColorReader::Image(); -1: it has no image
   std::string image_name;   // for people
-  int texcoord = 0;         // glTF: the set of UV that the image is read with; -1: one that does not exist
+  int texcoord = 0;         // glTF: the set of UV that the image is read with; -1: there is no such set
   // The image is read at u' = transform[0] u + transform[1] v + transform[2], and v' likewise; v downwards.
   std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;

@@ -30,9 +30,9 @@ export interface TextureInfo {
 export interface ImageInfo {
   name: string;
   type: string; // "image/png"
-  width: number; // as it is in the page
+  width: number; // in the page
   height: number;
-  fileWidth: number; // as it is in the file
+  fileWidth: number; // in the file
   fileHeight: number;
 }
 

@@ -252,7 +252,7 @@ async function start(): Promise<void> {
         const box = canvas.getBoundingClientRect();
         return viewer.pick(x - box.left, y - box.top);
       },
-      // What is shown of a map, from a direction: RGBA of size x size pixels, from the bottom.
+      // Draws a surface from a direction: RGBA of size x size pixels, from the bottom.
       picture: (map: number, direction: [number, number, number], size: number) =>
         viewer.picture(map, new THREE.Vector3(...direction).normalize(), size),
       isIdle: () => viewer.isIdle,
@@ -270,7 +270,7 @@ function legend(mode: Mode, stretchTop: number, angleTop: number): string {
   return '';
 }
 
-// How the images of the page differ from those of the files.
+// Says which images are smaller than in the files, or missing.
 function imageLegend({ images = [], imageNotes = [] }: PageInfo): string {
   const notes = [...imageNotes], [first] = images.filter((image) => image.width < image.fileWidth);
   if (first) notes.unshift(`Images are smaller here than in the files: ${first.name} has ${first.width} × ${first.height} of ${first.fileWidth} × ${first.fileHeight} texels`);

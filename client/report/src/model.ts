@@ -131,7 +131,7 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   return geometry;
 }
 
-// The same geometry with those triangles only that show each of the textures; the last is of those that show none.
+// Splits a geometry by texture; the last part has the triangles without one.
 function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures: TextureInfo[]): THREE.BufferGeometry[] {
   const slotOf = (t: number): number => (t >= 0 && t < textures.length ? t : textures.length);
   const sizes = new Uint32Array(textures.length + 1);

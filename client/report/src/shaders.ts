@@ -26,7 +26,7 @@ in uint aFace;               // that this vertex provokes
 uniform usampler2D tFace;    // stretch, angle, faults, marked
 uniform usampler2D tChart;   // chart, material + 1 and visibility above 24 bits
 #ifdef TEXTURED
-in uvec2 aFine;              // of aUv: what it lacks, plus a half, in 65535ths
+in uvec2 aFine;              // the remainder of aUv plus a half, in 65535ths
 in uvec4 aColor;             // sRGB and alpha: what the image is multiplied by
 uniform mat3 uTransform;     // to places in the image, v downwards
 out vec2 vImage;
@@ -110,7 +110,7 @@ uniform sampler2D tImage;
 uniform vec4 uFactor;        // linear
 uniform int uAlpha;          // 0: opaque, 1: mask, 2: blend
 uniform float uCutoff;
-uniform vec3 uPage;          // what is seen through the surface
+uniform vec3 uPage;          // the background
 in vec2 vImage;
 in vec4 vFactor;
 #endif

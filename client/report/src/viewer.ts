@@ -324,7 +324,7 @@ export class Viewer {
     this.onDraw();
   }
 
-  // All of a surface as it is seen from a direction: RGBA, rows from the bottom, alpha 0 beside it.
+  // Draws a whole surface from a direction: RGBA, rows from the bottom; alpha is 0 in the background.
   picture(map: number, direction: THREE.Vector3, size: number): Uint8Array {
     const up = new THREE.Vector3(...(Math.abs(direction.y) > 0.9 ? [0, 0, 1] : [0, 1, 0]));
     const camera = new THREE.PerspectiveCamera(FIELD, 1), distance = this.fittingDistance(direction, up);
