@@ -565,7 +565,7 @@ over the pixels that the model covers, in dB. Smooth content must reach 36."
     echo '```'
   } >"$out/textures.md"
   (cd "$work" && montage -label '%t' {smooth_torus,smooth_box,smooth_pair,letters}.{before,after}.png -tile 4x \
-    -geometry 480x480+6+6 -quality 85 "$(realpath "$out")/textures.jpg")
+    -geometry 360x360+6+6 -quality 82 "$(realpath "$out")/textures.jpg")
   return $failed
 }
 
