@@ -14,7 +14,7 @@ namespace {
 double AsKept(double u) {
   return static_cast<double>(static_cast<float>(u));
 }
-// Of areas where lengths are multiplied by e^u.
+// The factor by which areas grow where lengths are multiplied by e^u.
 double ScaleOf(double u) {
   return u == 0 ? 1.0 : portable::Exp(2 * u);
 }
@@ -55,7 +55,7 @@ StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning
       vertices_[v].diagonal += weight_[e.idx()];
     }
   }
-  // Ends first: they become beginnings as neighbours are put in their places.
+  // Sets `begin` to the end of each vertex's neighbours; the loop below counts it down to their beginning.
   for (std::size_t v = 1; v < vertices_.size(); ++v) vertices_[v].begin += vertices_[v - 1].begin;
   neighbours_.resize(2 * mesh.n_edges());
   for (const EdgeHandle e : mesh.edges()) {
@@ -85,7 +85,7 @@ std::vector<std::int32_t> StretchEstimate::InteriorOf(std::span<const std::int32
   return interior;
 }
 
-// Numbers the vertices that are to be solved for.
+// Makes these vertices the unknowns: stores them in free_, and their numbers in number_.
 void StretchEstimate::Take(Parts vertices) {
   for (const std::int32_t v : free_) number_[v] = -1;
   free_.clear();
@@ -97,11 +97,12 @@ void StretchEstimate::Take(Parts vertices) {
   }
 }
 
-// Solves, and adds to `sums` what that changes of them: from the kept u, or from u = 0.
+// Solves for u at the vertices of free_. Returns `sums`, which hold for the kept u there or for u = 0, updated to the
+// solution.
 StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept) {
   solver_.Start(static_cast<std::int32_t>(free_.size()));
   for (const std::int32_t v : free_) {
-    // Positive unless triangles are hopeless.
+    // The diagonal of L is positive except with degenerate triangles.
     const double diagonal = vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1;
     solver_.AddRow(diagonal, KeptAt(v), [&](const auto& add) {
       double load = vertices_[v].load;
@@ -144,7 +145,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
     }
   }
   Take({});
-  // Vertices inside of the disc all of whose faces are among these, which are counted from -1 downwards.
+  // The unknowns are the vertices inside the disc all of whose faces are in faces_. Counts these faces in number_, from
+  // -1 downwards.
   const auto for_each_corner = [&](const auto& visit) {
     for (const std::int32_t f : faces_) {
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) visit(mesh.to_vertex_handle(h));
@@ -163,8 +165,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
   return SolveFor(before, /*from_kept=*/true);
 }
 
-// Where u = 0 lengths are kept; the turn at a vertex of the outline is what the faces leave of pi, and the flux of u.
-// All turns add up to 2 pi (boundary first flattening, Sawhney and Crane 2017).
+// Edges keep their lengths, since u = 0 on the outline. At a vertex the outline turns by pi, minus the angles of the
+// faces there, minus the flux of u. All turns add up to 2 pi (boundary first flattening, Sawhney and Crane 2017).
 std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outline) const {
   const Surface& surface = gluing_.surface();
   std::vector<Vec2> points;

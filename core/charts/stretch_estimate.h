@@ -1,4 +1,4 @@
-// How much a disc would have to be stretched to lie in the plane, without flattening it.
+// Estimates how much a disc must be stretched to lie in the plane, without flattening it.
 #pragma once
 
 #include <cstdint>
@@ -15,62 +15,64 @@ namespace planish {
 
 // A conformal map of a disc into the plane multiplies lengths by e^u, where u solves the discrete Poisson equation
 // L u = -K (L: cotangent Laplacian, K: angle defects of interior vertices; Springborn et al. 2008, Sawhney and Crane
-// 2017). Among all of them the one with u = 0 on the outline stretches least (its Dirichlet energy is orthogonal to
-// harmonic functions), and ABF with a free boundary comes near it. One linear solve, to a few per cent.
+// 2017). Among all conformal maps the one with u = 0 on the outline stretches least (this u is orthogonal to harmonic
+// functions in the Dirichlet energy), and ABF with a free boundary comes near it. An estimate takes one linear solve
+// and is right to a few per cent.
 //
-// L and K of a vertex are the same in every disc that it lies inside of, so they are computed once. Keeps the u of
-// every vertex between estimates, to start the next one from. Not thread-safe.
+// L and K of a vertex are the same in every disc that has the vertex inside, so they are computed once. The u of every
+// vertex is kept, and the next estimate starts from it. Not thread-safe.
 class StretchEstimate {
  public:
-  // Both must outlive this. `kept`: per vertex, what another one kept of the same surface; empty: 0 everywhere.
+  // `gluing` and `tuning` must outlive this. `kept`: TakeKept() of another StretchEstimate of the same surface; empty:
+  // u starts from 0.
   StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept = {});
 
   // Over the faces of a disc: area, and the integrals of e^2u and e^-2u.
   struct Sums {
     double area = 0, larger = 0, smaller = 0;
 
-    // Root mean square stretch (Quality::stretch_l2) at the best scale; at least 1. Infinity if it leaves the range of
-    // numbers.
+    // Root mean square stretch (Quality::stretch_l2) at the best scale; at least 1. Infinity if the sums overflow.
     double Stretch() const;
   };
 
-  // Vertices, in some parts.
+  // Lists of vertices that are used as one.
   using Parts = std::initializer_list<std::span<const std::int32_t>>;
 
   // The vertices inside of the disc of these faces. O(n).
   std::vector<std::int32_t> InteriorOf(std::span<const std::int32_t> faces);
 
-  // Of the disc with these vertices inside, solved for as a whole.
+  // The sums of the disc with these interior vertices, all of which are solved for.
   Sums Whole(Parts interior, double area);
 
-  // Of a disc that `small`, the faces of another one, has just been glued to: solved for at vertices inside of `small`
-  // and the faces of the disc nearest to it, at most estimate_reach times as many, from the kept u and as if those
-  // farther away stayed as they are. `before`: the sums of both parts as kept, neither of which has been cut since. O(n
-  // log n) in the faces of `small`.
+  // The sums of a large disc to which a disc with the faces `small` has just been glued. Solves only for vertices
+  // inside `small` and the faces of the large disc next to it, at most AtlasTuning::estimate_reach for each face of
+  // `small`. All other vertices have their kept u. `before`: the sum of both discs' sums with the kept u; neither disc
+  // may have been cut since. O(n log n) in the faces of `small`.
   Sums Joined(std::span<const std::int32_t> small, const Sums& before);
 
-  // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
-  // outline of the disc. Edges of the outline keep their lengths, up to what closes it.
+  // The outline of the map that the last estimate, a Whole() one, stands for: the position where each half-edge of
+  // `outline` begins. `outline` is that of the disc. Edges keep their lengths, except for small corrections that close
+  // the polygon.
   std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
-  // The same, and returns what was kept of these vertices before, for Restore().
+  // Like Keep(), but returns the kept u that these vertices had before, for Restore().
   struct Kept {
     std::vector<std::int32_t> vertices;
     std::vector<float> u;
   };
   Kept Replace();
   void Restore(const Kept& kept);
-  // The u that is kept of a vertex; of no use outside of discs.
+  // The kept u of a vertex; meaningless for vertices on outlines.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
-  // Per vertex: the u that is kept. Nothing may be estimated afterwards.
+  // The kept u of all vertices. Nothing may be estimated afterwards.
   std::vector<float> TakeKept() { return std::move(kept_); }
 
  private:
   struct Vertex {
-    double load = 0, diagonal = 0, area = 0;  // -K, the entry of L, a third of its faces
-    std::int32_t begin = 0;                   // of its neighbours
+    double load = 0, diagonal = 0, area = 0;  // -K, the diagonal entry of L, a third of the area of its faces
+    std::int32_t begin = 0;                   // where its neighbours begin in neighbours_
   };
   struct Neighbour {
     std::int32_t vertex, edge;
@@ -85,13 +87,13 @@ class StretchEstimate {
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
   std::vector<double> weight_;    // per edge: minus the entry of L for its two vertices
-  std::vector<Vertex> vertices_;  // and one more
+  std::vector<Vertex> vertices_;  // and one more, for `begin`
   std::vector<Neighbour> neighbours_;
-  std::vector<std::int32_t> number_;  // per vertex: among those solved for, -1 for all others
+  std::vector<std::int32_t> number_;  // per vertex: its index in free_, -1 for all others
   std::vector<float> kept_;           // per vertex
-  std::vector<char> is_marked_;       // per face: one of faces_, while Joined() looks at them
-  // Of the estimate at hand.
-  std::vector<std::int32_t> faces_;  // of Joined()
+  std::vector<char> is_marked_;       // per face: whether it is in faces_; all 0 outside of Joined()
+  // Data of the last estimate.
+  std::vector<std::int32_t> faces_;  // the faces that Joined() looks at
   std::vector<std::int32_t> free_;   // the vertices that are solved for
   PoissonSolver solver_;
 };

@@ -19,7 +19,7 @@ namespace planish {
 namespace {
 
 constexpr double kWorthIt = 1e-4;  // in units of the cost
-constexpr double kGoesOn = 1e-3;   // of the cost, that another round must be worth
+constexpr double kGoesOn = 1e-3;   // in units of the cost: gain of a round that is worth another round
 constexpr std::size_t kArc = 48;   // half-edges of a path that are moved at once
 
 class SeamSearch {
@@ -39,7 +39,7 @@ class SeamSearch {
     for (std::int32_t i = 0; i < count(); ++i) Measure(i);
   }
 
-  // Returns what all seams and charts cost then.
+  // Improves the seams. Returns the cost of all seams and charts at the end.
   absl::StatusOr<double> Run() {
     for (std::int32_t i = 0; i < count() && GoesOn(); ++i) {
       if (!segmentation_.charts()[i].empty() && !estimates_.has(i)) estimates_.Update(i);
@@ -66,7 +66,7 @@ class SeamSearch {
 
  private:
   struct Candidate {
-    double gain;  // at most, as long as it is not known
+    double gain;  // an upper bound unless `is_known`
     bool is_known;
     std::int64_t number;
     Segmentation::Joint joint;
@@ -88,7 +88,7 @@ class SeamSearch {
     return charts_.ReductionOf(segmentation_.charts()[i]) == 1 && !IsToSplit(job_, charts_, i, estimates_.of(i));
   }
 
-  // Whether gluing these two charts is what gluing the images of two of lower numbers does.
+  // Whether these two charts are the mirror images of two charts with lower numbers, and are glued together with those.
   bool IsImage(std::int32_t i, std::int32_t j) const {
     const std::int32_t i_image = ImageOf(i), j_image = ImageOf(j);
     return i_image >= 0 && j_image >= 0 && std::minmax(i_image, j_image) < std::minmax(i, j);
@@ -125,7 +125,7 @@ class SeamSearch {
     return true;
   }
 
-  // The cost of the chart now; nothing if its map is not sound.
+  // Estimates the chart in its present shape. Returns its cost; nullopt if its map is not sound.
   std::optional<double> Estimate(std::int32_t i, Glued* glued) {
     glue_left_ -= static_cast<double>(segmentation_.charts()[i].size());
     glued->estimates.emplace_back(i, estimates_.Replace(i));
@@ -146,7 +146,7 @@ class SeamSearch {
 
   std::int32_t ImageOf(std::int32_t i) const { return charts_.image.empty() ? -1 : charts_.image[i]; }
 
-  // The mirror image of a half-edge, whose face is the image of its face; maybe invalid.
+  // The mirror image of a half-edge, on the side of the image of its face; invalid if there is none.
   HalfedgeHandle ImageOf(HalfedgeHandle h) const {
     const TriMesh& mesh = *surface_.mesh;
     const HalfedgeHandle o = mesh.opposite_halfedge_handle(h);
@@ -180,7 +180,7 @@ class SeamSearch {
   }
   std::int32_t ChartAcross(HalfedgeHandle h) const { return segmentation_.chart()[surface_.face_across(h)]; }
 
-  // These half-edges as a border of charts i and j; nothing if they do not lie between the two.
+  // These half-edges as a border of charts i and j; nullopt if they do not lie between the two.
   std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j,
                                               std::vector<HalfedgeHandle> border) const {
     if (border.empty() || surface_.face_across(border.front()) < 0) return std::nullopt;
@@ -197,8 +197,8 @@ class SeamSearch {
     return Segmentation::Joint{i, j, std::move(border)};
   }
 
-  // Glues two charts, and their mirror images alike, if that lowers the cost by so much at least. Returns by how much
-  // it would; nothing if they must stay apart.
+  // Glues two charts, and their mirror images alike, if that lowers the cost by at least `least`. Returns by how much
+  // gluing lowers the cost, done or not; nullopt if the charts must stay apart.
   std::optional<double> Try(const Segmentation::Joint& joint, double least) {
     const std::int32_t i = joint.chart, j = joint.other, i_image = ImageOf(i), j_image = ImageOf(j);
     const bool is_own = i_image == j || (i_image == i && j_image == j);
@@ -257,7 +257,7 @@ class SeamSearch {
     return gain;
   }
 
-  // Glues charts, where most is gained first. Returns what has been gained.
+  // Glues charts, those with the largest gain first. Returns the total gain.
   double Glue() {
     double gained = 0;
     queue_ = {};
@@ -270,7 +270,7 @@ class SeamSearch {
       queue_.pop();
       const std::int32_t i = best.joint.chart, j = best.joint.other;
       if (version_[i] != best.version || version_[j] != best.other_version) continue;
-      // One that gains nearly as much as any other is glued as soon as its estimate is there.
+      // A candidate that gains nearly as much as the next one may gain at most is glued at once.
       constexpr double kNearly = 0.9;
       const double least = best.is_known || queue_.empty() ? kWorthIt : std::max(kWorthIt, kNearly * queue_.top().gain);
       const std::optional<double> gain = Try(best.joint, least);
@@ -295,9 +295,10 @@ class SeamSearch {
     return gained;
   }
 
-  // Borders whose charts could not be glued, or moved, for less cost; the key is the first half-edge and the number of
-  // half-edges. A border is tried again once one of its charts, or of their mirror images, has changed; on large
-  // surfaces not in the same round, since larger charts seldom succeed where smaller ones failed.
+  // A failed attempt to lower the cost by gluing two charts at a border, or by moving it. failed_ holds these by the
+  // first half-edge and the number of half-edges of the border. A border is tried again once one of its charts, or of
+  // their mirror images, has changed; on large surfaces not in the same round, since larger charts seldom succeed where
+  // smaller ones failed.
   struct Tried {
     int round;
     std::int32_t chart, other;
@@ -332,11 +333,12 @@ class SeamSearch {
     std::vector<ChartEstimates::Before> before;
   };
 
-  // Moves one seam, or part of one, and its mirror image alike, if that lowers the cost. Returns by how much.
+  // Moves one seam, or part of one, and its mirror image alike, if that lowers the cost. Returns the gain; 0 if it was
+  // not moved.
   double MovePart(std::span<const HalfedgeHandle> path, bool slides) {
     if (!IsPath(segmentation_.gluing(), path)) return 0;
     const std::vector<HalfedgeHandle> image = ImageOf(path);
-    if (Meet(path, image)) return 0;  // it lies on the plane, or across
+    if (Meet(path, image)) return 0;  // the seam lies on the mirror plane, or crosses it
     const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
     const BorderKey key = {path.front().idx(), path.size()};
     if (HasFailed(key, i, j)) return 0;
@@ -352,7 +354,7 @@ class SeamSearch {
     double gain = of_paths;
     bool is_sound = true;
     for (std::size_t k = 0; k < moved.charts.size() && is_sound; ++k) {
-      // The images will gain about as much.
+      // Looks at the image charts only if twice the gain is enough, since they gain about as much.
       is_sound = k != 2 || moved.charts.size() < 4 || 2 * gain - of_paths > kWorthIt;
       if (!is_sound) break;
       const std::int32_t chart = moved.charts[k];
@@ -394,7 +396,7 @@ class SeamSearch {
     return !gluing.IsInside(start) && !is_on_path(start);
   }
 
-  // Leads a seam another way; returns whether it can go there.
+  // Moves the seam `path` to `way`, and records that in `moved`. Returns false if the seam cannot go there.
   bool MoveTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way, Moved* moved) {
     if (way.empty() || !IsPath(segmentation_.gluing(), path)) return false;
     const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
@@ -425,7 +427,7 @@ class SeamSearch {
     return image.is_valid() && mesh.from_vertex_handle(image) == mesh.to_vertex_handle(h);
   }
 
-  // Moves all seams, the dearest first. Returns what has been gained.
+  // Moves all seams, the most expensive first. Returns the total gain.
   double Move() {
     double gained = 0;
     std::vector<SeamPath> paths = SeamPaths(segmentation_);
@@ -451,7 +453,7 @@ class SeamSearch {
     return gained;
   }
 
-  // Paths that end where they cross the plane, without those whose images are among the others.
+  // Cuts paths where they cross the mirror plane. Leaves out parts on the second side that have a mirror image.
   std::vector<SeamPath> OfOneSide(const std::vector<SeamPath>& paths) const {
     const TriMesh& mesh = *surface_.mesh;
     const auto is_second = [&](std::int32_t f) { return charts_.mirror->side[f] == Mirror::Side::kSecond; };
@@ -494,12 +496,12 @@ class SeamSearch {
   SeamRouter router_;
   const Execution& execution_;
   std::vector<double> area_;  // per chart
-  std::vector<int> version_;  // per chart: grows whenever it changes
+  std::vector<int> version_;  // per chart: grows whenever the chart changes
   std::priority_queue<Candidate> queue_;
   std::map<BorderKey, Tried> failed_;
   std::int64_t pushed_ = 0;
   int round_ = 0;
-  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may be estimated again; at first
+  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may still be estimated again; all_left_: at first
 };
 
 }  // namespace
