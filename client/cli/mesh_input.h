@@ -81,7 +81,8 @@ class MeshInput {
   // Per face of view(): the piece of a polygon that the face belongs to (Triangulation::piece). Empty: every face is a
   // piece of its own.
   std::vector<std::int32_t> FacePolygons() const;
-  // Ids of polygons that may not stay in one piece (Triangulation::faulty), as the files count them.
+  // Ids, as the files count them, of the polygons that seams are allowed to cut, because they cross themselves or visit
+  // a vertex twice (Triangulation::faulty).
   std::vector<std::int64_t> FaultyPolygons() const;
 
   // The polygon of a triangle of mesh(), as the files count them.

@@ -323,7 +323,7 @@ class MapWriter {
         kMirroredFace);
     std::size_t named = 0;
     for (const ChartPair& pair : check_.spacing.near) {
-      // Charts that overlap are reported as overlaps.
+      // At distance 0 the outlines touch or cross. If the map has overlaps, these are reported, and not such pairs.
       if (pair.distance == 0 && check_.overlaps.pairs > 0) continue;
       if (++named > kMaxNamedPairs) break;
       findings.push_back({{"kind", "near"},

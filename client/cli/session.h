@@ -32,7 +32,7 @@ class Interrupts {
 
   bool interrupted() const { return interrupted_; }
   // Ends the process if the first signal has come. For work that must not be interrupted: call SetCancel([] {}) before
-  // it, and this after it.
+  // it, then SetCancel({}) and this after it.
   void LeaveIfInterrupted();
 
  private:

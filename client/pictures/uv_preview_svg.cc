@@ -170,8 +170,8 @@ std::string Text(double x, double y, std::string_view anchor, std::string_view t
   return absl::StrFormat("<text x=\"%g\" y=\"%g\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, text);
 }
 
-// The style sheet. Fills have lines of their own colour, which close the hairlines between them. `unit`: the length of
-// a pixel.
+// The style sheet. Each fill also has a thin stroke of its own colour, to cover the gaps that viewers show between
+// neighbouring fills. `unit`: one pixel, in the units of the paths.
 std::string Style(double unit) {
   std::string style = "<style>";
   for (int i = 0; i < kSheetColours; ++i) {

@@ -1,7 +1,7 @@
 // Turns any triangle soup into a manifold mesh. No face is refused: where faces cannot stay joined, vertices are
 // duplicated, so that each vertex has one fan of faces.
 //
-//   TriMesh mesh = ImportMesh(soup, PairHalfEdges(soup, JoinFor::kCharts));
+//   TriMesh mesh = ImportMesh(soup, PairHalfEdges(soup, JoinFor::kCharts).opposite);
 #pragma once
 
 #include <array>

@@ -121,7 +121,8 @@ std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution) 
         }
       },
       kSamples);
-  // Faces that share no vertices with sampled ones take the value of a face near in space.
+  // Gives each face the value of the sampled face before it in spatial order. Spread() replaces it wherever shared
+  // vertices lead from a sampled face to this face, directly or through other faces.
   for (std::size_t i = 0; i < faces.size(); ++i) visibility[faces[i]] = visibility[faces[i - i % stride]];
   Spread(mesh, std::move(sampled), &visibility);
   return visibility;

@@ -304,7 +304,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
 void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,
                    std::vector<UnwrapWarning>* warnings);
 
-// Adds FACES_WIDENED. `widened`: all such faces, ascending.
+// Adds FACES_WIDENED. `widened`: the faces that are too thin for `precision`, and that the map therefore widens;
+// ascending.
 void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
                    std::vector<UnwrapWarning>* warnings);
 

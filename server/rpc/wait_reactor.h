@@ -1,4 +1,4 @@
-// The call WaitJob: waits for the end of a job without a thread.
+// The call WaitJob: waits until a job has ended or a timeout has passed. No thread is blocked meanwhile.
 #pragma once
 
 #include <functional>

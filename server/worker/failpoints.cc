@@ -47,7 +47,8 @@ constexpr int kExitCode = 42;
   while (true) count.fetch_add(1, std::memory_order_relaxed);
 }
 
-// Allocates memory without writing to it, so that without a limit addresses run out before memory does.
+// Allocates memory until that fails, but does not write to it. RLIMIT_DATA counts it all the same. Without that limit
+// the process should run out of addresses before the machine runs out of memory.
 void ExhaustMemory() {
   constexpr std::size_t kBlock = std::size_t{16} << 20;
   std::vector<std::unique_ptr<char[]>> blocks;

@@ -133,8 +133,9 @@ class Reader {
   }
 }
 
-// Decodes interleaved numbers of 16 bits. For each component `bytes` has the differences between successive numbers, as
-// zigzag codes: first the low bytes of all codes, then the high bytes.
+// Decodes 16-bit numbers and returns them interleaved: all components of one element, then those of the next. `bytes`
+// has one component after the other, as the zigzag codes of the differences between successive numbers: first the low
+// bytes of all codes, then the high bytes.
 function fromPlanes(bytes: Uint8Array, count: number, components: number): Uint16Array {
   const values = new Uint16Array(count * components);
   for (let k = 0; k < components; ++k) {

@@ -152,7 +152,7 @@ function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures
   });
 }
 
-// What materials without an image show, but for their factor.
+// For triangles without a material, if there are vertex colours: shows these colours alone.
 const PLAIN: TextureInfo = {
   image: -1, transform: [1, 0, 0, 0, 1, 0], wrap: ['repeat', 'repeat'], nearest: false, factor: [1, 1, 1, 1], alpha: 'opaque', cutoff: 0,
 };
