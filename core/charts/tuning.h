@@ -33,7 +33,7 @@ struct AtlasTuning {
   // Of the diagonal of what was likely a quad: as dear as the way round it.
   double diagonal_cost = std::numbers::sqrt2;
   double turn_cost = 0.5;  // of a right angle, of the edges next to it
-  // The search (unwrap/seam_search.cc) begins with charts of so little stretch, as they are merged for the packer.
+  // The search (unwrap/seam_search.h) begins with charts of so little stretch, as they are merged for the packer.
   double seams_first_stretch = 1.05;
   int seam_rounds = 3;  // at most, of gluing charts and moving seams
   // Limits of the work: how many faces, per face of the surface, may be estimated again to glue charts and to move

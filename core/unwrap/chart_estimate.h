@@ -2,10 +2,15 @@
 // most charts need to be solved once only.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "core/base/execution.h"
 #include "core/charts/segmentation.h"
 #include "core/charts/stretch_estimate.h"
 
@@ -19,22 +24,32 @@ struct ChartEstimate {
   std::int32_t face = -1, other_face = -1;
 };
 
-// Estimates of all charts of a segmentation. Not thread-safe.
+// Estimates of all charts of a segmentation. Several threads may Replace() and Trace() different charts at the same
+// time, after Reserve(). Otherwise not thread-safe.
 class ChartEstimates {
  public:
   // Both must outlive this.
-  ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning);
+  ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning, const Execution& execution = {});
 
   const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
   // Estimates the chart in its present shape. Takes about a twentieth of the work of a solve.
   void Update(std::int32_t chart);
-  // The same, and returns what Restore() puts back. The charts may have been glued, or their border moved, in between.
-  struct Before {
+  // The same of different charts, with the whole team. May end early after a cancellation.
+  void Update(std::span<const std::int32_t> charts, const Execution& execution);
+  // Makes room for all charts of the segmentation.
+  void Reserve() { charts_.resize(std::max(charts_.size(), segmentation_.charts().size())); }
+  // An estimate of a chart that is not the present one, with what estimates of the same faces start from.
+  struct Other {
     ChartEstimate estimate;
     StretchEstimate::Kept kept;
   };
-  Before Replace(std::int32_t chart);
-  void Restore(std::int32_t chart, Before before);  // the last one first
+  // Update() without Trace(): only the stretch is known then. Returns the estimate before, for Swap().
+  Other Replace(std::int32_t chart);
+  // Completes the estimate: outline, points, and where it crosses itself. Does nothing if it is complete.
+  void Trace(std::int32_t chart);
+  // Exchanges the estimate of the chart. Charts may have been glued, or their border moved, and put back in between.
+  // Of several Replace() of the same chart, the last is put back first.
+  void Swap(std::int32_t chart, Other* other);
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
   // Whether there is an estimate of the chart, maybe an old one.
   bool has(std::int32_t chart) const { return chart < std::ssize(charts_) && !charts_[chart].outline.empty(); }
@@ -46,12 +61,17 @@ class ChartEstimates {
   std::vector<Vec2> Positions(std::int32_t chart, const FlatMesh& disc) const;
 
  private:
-  void Look(std::int32_t chart);
+  // Calls use(work) with memory that no other thread uses.
+  template <class Use>
+  void WithWork(const Use& use);
+  void Solve(std::int32_t chart, StretchEstimate::Work* work);
 
   const Segmentation& segmentation_;
   const AtlasTuning tuning_;
   StretchEstimate estimate_;
   std::vector<ChartEstimate> charts_;
+  std::mutex mutex_;  // of idle_
+  std::vector<std::unique_ptr<StretchEstimate::Work>> idle_;
 };
 
 }  // namespace planish

@@ -18,6 +18,7 @@
 #include "core/unwrap/verify.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/families.h"
 
 namespace planish {
 namespace {
@@ -248,10 +249,26 @@ TEST(PreferSeams, AddsNothingToItsOwnSeams) {
   }
 }
 
+// Meshes with many charts, with and without symmetry.
+TEST(PreferSeams, GivesTheSameWithAnyNumberOfThreads) {
+  for (const Mesh& mesh : {testing::Torus(40, 20), testing::MakeFamily("surface_nets", 2, 500),
+                           testing::MakeFamily("high_genus", 1, 1000), testing::MakeFamily("assembly", 2, 1000)}) {
+    UnwrapOptions options;
+    options.seams.max_stretch = 1.05;
+    const UnwrapResult alone = Unwrap(mesh, options, {}).value();
+    for (options.threads = 2; options.threads <= 3; ++options.threads) {
+      const UnwrapResult together = Unwrap(mesh, options, {}).value();
+      EXPECT_TRUE(together.uv == alone.uv) << options.threads << " threads, " << alone.charts.size() << " charts";
+    }
+  }
+}
+
 TEST(PreferSeams, EndsTheSearchWhenStoppedAndAllWhenCancelled) {
   const Mesh mesh = testing::Torus(40, 20);
   for (const bool cancels : {false, true}) {
     for (const double at : {0.3, 0.55, 0.7}) {
+      UnwrapOptions options;
+      options.threads = at > 0.5 ? 3 : 1;
       Interrupter interrupter;
       UnwrapControl control;
       (cancels ? control.cancel : control.stop) = &interrupter;
@@ -261,7 +278,7 @@ TEST(PreferSeams, EndsTheSearchWhenStoppedAndAllWhenCancelled) {
         was_reached = true;
         interrupter.Interrupt();
       };
-      const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, {}, control);
+      const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, options, control);
       EXPECT_TRUE(was_reached);
       if (cancels) {
         EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled);
