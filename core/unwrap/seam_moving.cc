@@ -19,13 +19,17 @@ std::optional<SeamSearch::Moved> SeamSearch::Reroute(std::span<const HalfedgeHan
   if (Meet(path, image)) return std::nullopt;  // it lies on the plane, or across
   const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
   Moved moved;
+  moved.chart = i;
+  moved.other = j;
   moved.key = {path.front().idx(), path.size()};
   if (HasFailed(moved.key, i, j)) return std::nullopt;
   const std::optional<std::vector<HalfedgeHandle>> way = router_.Reroute(path, slides);
-  if (way && MoveTo(path, *way, &moved) && (image.empty() || MoveTo(image, ImageOf(*way), &moved))) return moved;
-  UndoMove(&moved);
-  Fail(moved.key, i, j);
-  return std::nullopt;
+  if (!way || !MoveTo(path, *way, &moved) || (!image.empty() && !MoveTo(image, ImageOf(*way), &moved))) {
+    UndoMove(&moved);
+    moved.parts.clear();
+    moved.charts.clear();
+  }
+  return moved;
 }
 
 void SeamSearch::EstimateMoved(std::size_t at, Moved* moved) {
@@ -36,6 +40,10 @@ void SeamSearch::EstimateMoved(std::size_t at, Moved* moved) {
 }
 
 double SeamSearch::Keep(Moved* moved) {
+  if (moved->parts.empty()) {
+    Fail(moved->key, moved->chart, moved->other);
+    return 0;
+  }
   double of_paths = 0;
   for (const typename Moved::Part& part : moved->parts) of_paths += cost_.OfPath(part.from) - cost_.OfPath(part.to);
   double gain = of_paths;
@@ -63,7 +71,7 @@ double SeamSearch::Keep(Moved* moved) {
     return gain;
   }
   UndoMove(moved);
-  Fail(moved->key, moved->parts[0].chart, moved->parts[0].other);
+  Fail(moved->key, moved->chart, moved->other);
   return 0;
 }
 
@@ -155,10 +163,11 @@ void SeamSearch::MoveAhead(std::span<Step> steps) {
   stamps_.resize(count(), 0);
   std::vector<std::pair<Moved*, std::size_t>> todo;
   for (Step& step : steps.first(std::min(steps.size(), most))) {
-    const std::vector<std::int32_t> charts = ChartsOf(step.path);
+    // Once it has been moved, its path lies inside of a chart.
+    if (!step.is_ahead) step.charts = ChartsOf(step.path);
     const bool is_free =
-        std::none_of(charts.begin(), charts.end(), [&](std::int32_t i) { return stamps_[i] == stamp_; });
-    for (const std::int32_t i : charts) stamps_[i] = stamp_;
+        std::none_of(step.charts.begin(), step.charts.end(), [&](std::int32_t i) { return stamps_[i] == stamp_; });
+    for (const std::int32_t i : step.charts) stamps_[i] = stamp_;
     if (!is_free || std::exchange(step.is_ahead, true)) continue;
     step.moved = Reroute(step.path, step.slides);
     if (!step.moved || threads == 1) continue;

@@ -132,7 +132,8 @@ class SeamSearch {
       std::vector<HalfedgeHandle> from, to;
     };
     BorderKey key;
-    std::vector<Part> parts;
+    std::int32_t chart, other;  // beside the path
+    std::vector<Part> parts;    // empty if there was no cheaper way
     std::vector<std::int32_t> charts;
     std::vector<ChartEstimates::Other> before;
     std::vector<double> costs;
@@ -142,12 +143,14 @@ class SeamSearch {
   struct Step {
     std::span<const HalfedgeHandle> path;
     bool slides;
-    bool is_first;                    // of the parts of its seam
-    bool is_ahead = false;            // it has been looked at
-    std::optional<Moved> moved = {};  // and has a cheaper way
+    bool is_first;                          // of the parts of its seam
+    bool is_ahead = false;                  // it has been looked at
+    std::vector<std::int32_t> charts = {};  // then: ChartsOf() its path before
+    std::optional<Moved> moved = {};        // then: what Reroute() did
   };
 
-  // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way. Keep() decides.
+  // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way. Keep() decides. Nothing
+  // if the path is not to be moved.
   std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides);
   // Replaces the estimate of the next of the charts; `at` is its place in `before` and `costs`.
   void EstimateMoved(std::size_t at, Moved* moved);
