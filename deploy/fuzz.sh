@@ -44,8 +44,8 @@ cmake --preset fuzz >build/configure-fuzz.log 2>&1 || {
 }
 cmake --build --preset fuzz --parallel "${JOBS:-1}" >&2
 
-# Targets limit their own allocations (tests/fuzz/memory_budget.h); this limit is for allocations that bypass it.
-# Draco's code is not instrumented, and slow on some inputs.
+# -rss_limit_mb: targets limit their own allocations (tests/fuzz/memory_budget.h); this limit is for allocations that
+# bypass that one. -timeout: an input may take 60 s, since Draco is slow on some inputs.
 limits="-rss_limit_mb=2048 -timeout=60 -max_len=4096"
 export UBSAN_OPTIONS=print_stacktrace=1
 export ASAN_OPTIONS=detect_stack_use_after_return=0:allocator_may_return_null=1

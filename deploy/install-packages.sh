@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the missing ones of the Debian 12 packages that planish needs. All packages are listed here; the other
+# Installs the Debian 12 packages that planish needs, unless they are there. All packages are listed here; the other
 # scripts and the Dockerfile call this script.
 #
 #   deploy/install-packages.sh build|test|packaging|bench|clang|fuzz|runtime...
@@ -23,8 +23,8 @@ test="
   python3-grpcio python3-protobuf python3-numpy python3-setuptools python3-wheel
   chromium:chromium haproxy:haproxy nginx:nginx promtool:prometheus sqlite3:sqlite3 zsh:zsh fish:fish man:man-db openssl:openssl"
 
-# For tests/bench/run.sh: plots, and other programs that it measures. tests/files also reads its files with Blender if
-# that is installed (its glTF importer needs numpy).
+# For tests/bench/run.sh: gnuplot draws its plots, and it compares planish with CGAL and Blender. If Blender is
+# installed, a test of tests/files also has it read the files that planish writes; its glTF importer needs numpy.
 bench="gnuplot-nox libcgal-dev blender imagemagick python3-numpy"
 
 # For the preset "clang" and deploy/each-source.sh.
@@ -65,7 +65,7 @@ done
 command -v dpkg-query >/dev/null && command -v apt-get >/dev/null ||
   fail "this is not a Debian system. planish is built on Debian 12; anywhere else, use the Dockerfile."
 
-# Sets missing.
+# Sets `missing` to those packages of `wanted` that are not installed.
 find_missing() {
   installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' | sed -n 's/^installed //p')
   missing=
@@ -104,7 +104,8 @@ before=''
 enabled_services() {
   find /etc/systemd/system/multi-user.target.wants -name '*.service' 2>/dev/null | sort
 }
-# Also after a failure or a signal: services that were installed by then must not start at boot either.
+# Runs when the script ends, also after a failure or a signal: services that were installed by then must not start at
+# boot either.
 clean_up() {
   if [ -n "$before" ]; then
     for unit in $(enabled_services); do

@@ -8,7 +8,7 @@ prefix=$1
 root=$2
 shift 2
 [ $# -gt 0 ] || set -- planish planishd planishd-farm
-# Compiled into the programs: libraries that are headers.
+# Header-only libraries, which are compiled into the programs.
 headers="libeigen3-dev libcli11-dev nlohmann-json3-dev"
 
 mkdir -p "$root/usr/lib" "$root/usr/lib64" "$root/usr/local/bin" "$root/var/lib/dpkg/status.d"
@@ -23,7 +23,7 @@ for library in $libraries; do
   [ "${library#/usr/}" = "$library" ] || target=$root$library
   mkdir -p "${target%/*}"
   cp -L "$library" "$target"
-  # Alternatives are links to files of packages.
+  # Libraries that update-alternatives chose are links to files of packages.
   files="$files $(readlink -f "$library")"
 done
 
@@ -40,7 +40,7 @@ for package in ca-certificates $headers $(printf '%s\n' "$owners" | cut -d : -f 
   case " $headers " in *" $package "*) ;; *) dpkg-query --status "$package" >"$root/var/lib/dpkg/status.d/$package" ;; esac
   install -D -m 644 "/usr/share/doc/$package/copyright" "$root/usr/share/doc/$package/copyright"
 done
-# Debian's files about licences name the longer ones instead of quoting them.
+# Debian's copyright files name long licences instead of quoting them, so the licences are copied too.
 mkdir -p "$root/usr/share/common-licenses"
 grep -rhoE '/usr/share/common-licenses/[A-Za-z0-9.-]*[A-Za-z0-9]' "$root/usr/share/doc" | sort -u | while read -r licence; do
   [ ! -f "$licence" ] || cp -L "$licence" "$root/usr/share/common-licenses/"

@@ -1,11 +1,13 @@
 #!/bin/sh
-# Installs what is needed, builds planish, and makes all packages in build/packages/dist: Debian packages, the relocatable
-# tarball, the Python wheels and sdist, the npm package, the Blender add-on. At the end it says what each file is for.
+# Installs what is needed, builds planish, and makes all packages in build/packages/dist: Debian packages, the
+# relocatable tarball, the Python wheels and sdist, the npm package, the Blender add-on. At the end it prints the use of
+# each file.
 #
 #   deploy/packages.sh
 #
-# $PLANISH_BLENDER_WHEELS: a folder with wheels of grpcio and protobuf for Blender's Python, which the extension then brings; without them it
-# goes by the command in planish's own wheel. tests/deploy/try_*.sh install and try everything in clean trees.
+# $PLANISH_BLENDER_WHEELS: a folder with wheels of grpcio and protobuf for Blender's Python, which become part of the
+# Blender extension; without them the extension runs the command in planish's own wheel. tests/deploy/try_*.sh install
+# and try everything in clean trees.
 set -eu
 cd "$(dirname "$0")/.."
 deploy/install-packages.sh packaging

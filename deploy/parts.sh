@@ -1,5 +1,7 @@
-# shellcheck shell=bash Runs the parts of continuous integration, one after the other, and prints a table of the
-# results. .ci/run sources it:
+# shellcheck shell=bash
+#
+# Runs the parts of continuous integration, one after the other, and prints a table of the results. .ci/run sources this
+# file and calls:
 #
 #   limit=MINUTES                          for all parts together
 #   part NAME LEAST COMMAND [ARGUMENT...]  once for each part; LEAST: minutes
@@ -25,23 +27,23 @@ part() {
   commands+=("$(printf '%q ' "$@")")
 }
 
-# in_minutes SECONDS: SECONDS is an awk expression.
+# in_minutes SECONDS: prints the seconds as minutes. SECONDS is an awk expression.
 in_minutes() {
   LC_ALL=C awk "BEGIN { printf \"%.1f\", ($1) / $minute }"
 }
-# Sets cpu_seconds: the CPU seconds of all children that were waited for. Do not call it in $(...), a subshell without
-# children.
+# Sets cpu_seconds: the CPU seconds of all children that were waited for. Do not call it in $(...): that is a subshell,
+# which has no children.
 take_cpu_seconds() {
   local LC_ALL=C
   times >"$parts_dir/times"
   cpu_seconds=$(awk -F '[ms ]+' 'NR == 2 { printf "%.2f", 60 * $1 + $2 + 60 * $3 + $4 }' "$parts_dir/times")
 }
 
-# The processes of the running part, in any session: each has PLANISH_PART in its environment.
+# Prints the ids of all processes of the running part, in any session: each has PLANISH_PART in its environment.
 processes() {
   grep -lszxF "PLANISH_PART=$$.$running" /proc/[0-9]*/environ | cut -d / -f 3
 }
-# Ends these processes and prints their names.
+# Ends the processes of the running part and prints their command lines.
 end_processes() {
   local pid signal i
   for signal in TERM KILL; do
@@ -65,7 +67,8 @@ run_part() {
   take_cpu_seconds
   before=$cpu_seconds
   results[$1]="FAILED"  # in case this script is ended meanwhile
-  # Runs in the background, so that this script reacts to signals at once. `timeout` makes a process group of it.
+  # The part runs in the background, so that this script reacts to signals at once. `timeout` puts it into a process
+  # group of its own.
   eval "PLANISH_PART=$$.$1 PLANISH_SUMMARY='$parts_dir/$1' timeout -k 20 $left ${commands[$1]} </dev/null &"
   wait $! || code=$?
   end_processes
@@ -106,7 +109,7 @@ finish() {
       "NOT RUN") missing=$((missing + 1)) ;;
       *)
         bad=$((bad + 1))
-        # A part that failed without a failed test counts as one.
+        # A part that failed without a failed test counts as one failed test.
         case $failed in - | 0) all_failed=$((all_failed + 1)) ;; esac
         ;;
     esac

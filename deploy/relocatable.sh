@@ -1,10 +1,13 @@
 #!/bin/sh
-# Makes the directory of the relocatable tarball and of the wheel with the server: the programs with the dynamic loader and all
-# libraries, the C library included, for Linux machines that lack these libraries or have older ones. `bin/NAME` starts
-# `libexec/NAME` with the loader and the libraries in `lib` (deploy/packages/launcher.cc). The licences are in `share/doc`.
+# Makes the directory of the relocatable tarball and of the wheel with the server: the programs with the dynamic loader
+# and all libraries, the C library included, for Linux machines that lack these libraries or have older ones. `bin/NAME`
+# starts `libexec/NAME` with the loader and the libraries in `lib` (deploy/packages/launcher.cc). The licences are in
+# `share/doc`.
 #
-#   deploy/relocatable.sh BUILD PREFIX DIRECTORY               BUILD: a build folder; PREFIX: where it is installed; DIRECTORY: to be made
-#   deploy/relocatable.sh BUILD PREFIX DIRECTORY PROGRAM...    these programs and what they need only: no pages, no Python package
+#   deploy/relocatable.sh BUILD PREFIX DIRECTORY [PROGRAM...]
+#
+# BUILD: a build folder; PREFIX: where cmake --install installed it; DIRECTORY: the directory to make. With PROGRAM, the
+# directory has only these programs and what they need: no man pages, no completion, no Python package.
 set -eu
 build=$1
 prefix=$2
@@ -33,7 +36,7 @@ cp "$here/LICENSE" "$here/deploy/packages/three.js.LICENSE" "$top/share/doc/plan
 } >"$top/share/doc/libraries/PACKAGES"
 [ $# -eq 0 ] || exit 0
 
-# Man pages and completion. share/planish is left out: it is for units and other languages.
+# Man pages and completion. share/planish is left out: it has the systemd unit, and the protos for other languages.
 mkdir "$top/python"
 for directory in "$prefix"/share/*; do
   [ "${directory##*/}" = planish ] || cp -r "$directory" "$top/share/"

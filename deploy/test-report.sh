@@ -9,7 +9,7 @@
 # The report names tests that failed and then passed (ctest --repeat). A test counts as failed if a sanitizer's report
 # is in the output of any try, from the test or from a process it started, even if it passed. Faults that
 # server/worker/failpoints.cc injects do not count. Below the name of a failed test are lines of its output in the last
-# try: those after GoogleTest's first "Failure", or the last ones. ALLOWED_SKIPS is tests/allowed_skips.txt, which
+# try: those from GoogleTest's first "Failure" on, or the last ones. ALLOWED_SKIPS is tests/allowed_skips.txt, which
 # explains itself. `sanitized`: the programs were built with a sanitizer.
 set -eu
 report=$1 log=$2 allowed=$3 sanitized=${4:-}
@@ -57,7 +57,7 @@ awk -F '\t' '
     results[test, count[test]] = "failed"
     programs[test] = program
   }
-  # A case may have printed something that does not end its line.
+  # The result need not begin its line: the case may have printed text without a line break before it.
   file == 1 && count[test] && match($0, /\[(       OK |  SKIPPED )\] [^ ,]+/) && substr($0, RSTART + 13, RLENGTH - 13) == cases[test, count[test]] {
     results[test, count[test]] = substr($0, RSTART, 12) ~ /OK/ ? "passed" : "skipped"
   }
@@ -70,7 +70,8 @@ awk -F '\t' '
     if (!count[$2] || ($1 == "failed" && !bad)) print $1 "\t" $2 "\t" $2 "\t"
   }' "$log" "$work/tests" >"$work/results"
 
-# `finding` or `failed`, a tab and NAME of every try that printed a sanitizer's report, or failed without one.
+# Prints "finding", a tab and NAME for every try that printed a sanitizer's report, and "failed", a tab and NAME for
+# every other try that failed.
 awk '
   /^[0-9]+\/[0-9]+ Test: / { name = $0; sub(/^[0-9]+\/[0-9]+ Test: /, "", name); reports = 0; over = 0 }
   /ERROR: (Address|Leak|Thread)Sanitizer|WARNING: ThreadSanitizer|runtime error: / { ++reports }
@@ -79,7 +80,8 @@ awk '
   over && reports > 0 { print "finding\t" name; over = 0 }
   over && /^Test Fail/ { print "failed\t" name; over = 0 }' "$log" >"$work/tries"
 
-# print_output TEST [CASE]: lines of what the last try of that test printed, of this case only, each after "  | ".
+# print_output TEST [CASE]: prints at most 16 lines of the output of TEST's last try (with CASE, of that case only),
+# each after "  | ".
 print_output() {
   NAME=$1 CASE=${2:-} awk -v most=16 '
     /^[0-9]+\/[0-9]+ Test: / {
@@ -100,7 +102,7 @@ print_output() {
     }' "$log"
 }
 
-# holds WHEN: as tests/allowed_skips.txt says.
+# holds WHEN: succeeds if the condition WHEN of tests/allowed_skips.txt is true, and returns 2 if there is no such one.
 holds() {
   case $1 in
     any) ;;
@@ -120,7 +122,8 @@ while read -r pattern when reason; do
   [ "$code" -lt 2 ] || fail "$allowed: no such condition: $when"
 done <"$work/allowed"
 
-# Sets reason, unless no line allows the test $1 to be skipped here and now.
+# find_reason NAME: sets `reason` from the line that allows the test NAME to be skipped here and now. Fails if there is
+# none.
 find_reason() {
   while read -r pattern when reason; do
     # shellcheck disable=SC2254  # a pattern

@@ -14,7 +14,7 @@ template <typename Element>
 std::string Comment(const Element& element) {
   google::protobuf::SourceLocation location;
   if (!element.GetSourceLocation(&location)) return "";
-  // "NAME = 0;  // meaning" and "// meaning" above it.
+  // Prefers a comment above the element to one behind it ("NAME = 0;  // meaning").
   std::string text;
   for (const std::string& line :
        LinesOf(location.leading_comments.empty() ? location.trailing_comments : location.leading_comments)) {

@@ -3,8 +3,8 @@
 //   planish_api_page DESCRIPTORS FILE.proto... > proto/API.md
 //
 // DESCRIPTORS is a FileDescriptorSet with source info (protoc --include_imports --include_source_info). Comments become
-// paragraphs. An indented line with a word, at least two blanks and a text becomes an item of a list; all other indented
-// lines are copied unchanged. The range and default of a field (about.proto) follow its comment.
+// paragraphs. An indented line with a word, at least two blanks and a text becomes an item of a list; all other
+// indented lines are copied unchanged. The range and default of a field (about.proto) follow its comment.
 #include <cctype>
 #include <fstream>
 #include <iostream>
@@ -31,7 +31,7 @@ template <typename Element>
 std::vector<std::string> CommentLines(const Element& element) {
   SourceLocation location;
   if (!element.GetSourceLocation(&location)) return {};
-  // "NAME = 0;  // meaning" and "// meaning" above it.
+  // Prefers a comment above the element to one behind it ("NAME = 0;  // meaning").
   return planish::LinesOf(location.leading_comments.empty() ? location.trailing_comments : location.leading_comments);
 }
 
@@ -41,10 +41,11 @@ std::vector<std::string> CommentLines(const FileDescriptor& file) {
   return file.GetSourceLocation(syntax, &location) ? planish::LinesOf(location.leading_comments) : std::vector<std::string>();
 }
 
-// The column at which explanations of codes begin; FAILED_PRECONDITION leaves room for only one blank.
+// The column at which explanations of codes begin. The code FAILED_PRECONDITION has only one blank before this column.
 constexpr std::size_t kCodeText = 22;
 
-// The column of the text after a word and at least two blanks; 0 if the line has another form.
+// For an indented line with a word, at least two blanks and a text: the column of the text. 0 if the line has another
+// form.
 std::size_t ItemText(const std::string& line) {
   if (!line.starts_with("  ")) return 0;
   std::size_t end = 2;
@@ -140,7 +141,7 @@ void PrintMethod(const MethodDescriptor& method, std::ostream& out) {
   PrintComment(CommentLines(method), out);
 }
 
-// " In [16, 65536] texels; 0 means 1024.", if that is said at the field.
+// " In [16, 65536] texels; 0 means 1024."; empty if the field has neither a range nor a default.
 std::string Range(const FieldDescriptor& field) {
   return planish::RangeText(planish::AboutOf(field),
                             field.has_presence() || field.enum_type() != nullptr ? "unset means" : "0 means");

@@ -31,7 +31,7 @@ using planish::Choices;
 using planish::CommentOf;
 using planish::v1::About;
 
-// A message before those that have it as a field.
+// Messages, each before those that have it as a field.
 const char* const kMessages[] = {"UnwrapOptions", "Residual",    "Progress",  "BoundaryReport",
                                  "ChartReport",   "ChartTotals", "AtlasPart", "Atlas",
                                  "Quality",       "StageTimes",  "Report"};
@@ -102,8 +102,8 @@ const Descriptor& OptionsOf(const google::protobuf::FileDescriptor& file) {
   return *file.pool()->FindMessageTypeByName(std::string("planish.v1.") + kOptions);
 }
 
-// Enum values as callers of these clients write them: SEAMS_AUTO becomes "auto" between `quotes`, or seams="auto" in
-// the comment of another option than `own`.
+// Replaces names of enum values in `comment` by what callers of these clients write. SEAMS_AUTO becomes "auto" between
+// `quotes` if `own` is the enum Seams, and seams="auto" otherwise.
 std::string WithShortNames(const std::string& comment, const Descriptor& options, const EnumDescriptor* own,
                            const std::string& quotes) {
   std::map<std::string, std::string> names;
@@ -129,7 +129,7 @@ std::string WithShortNames(const std::string& comment, const Descriptor& options
   return text;
 }
 
-// What people read about a field: its comment, its range, and the values of an enum.
+// The documentation of a field: its comment, the values of its enum, and its range.
 std::string Documentation(const FieldDescriptor& field, const std::string& unset, const std::string& quotes) {
   std::string text = CommentOf(field);
   const EnumDescriptor* const type = field.enum_type();
@@ -147,7 +147,7 @@ std::string Documentation(const FieldDescriptor& field, const std::string& unset
   return WithShortNames(text.substr(first), OptionsOf(*field.file()), type, quotes);
 }
 
-// Lines of at most 120 columns that begin with `indent`.
+// `text` wrapped into lines of at most 120 columns, each with `indent` before it.
 std::string Wrapped(const std::string& text, const std::string& indent) {
   std::istringstream words(text);
   std::string all, line = indent;

@@ -3,7 +3,7 @@
 //   npm install @grpc/grpc-js @grpc/proto-loader
 //   node unwrap.mjs 127.0.0.1:7741 in.obj out.obj
 //
-// $PLANISH_PROTO is the folder of the .proto files [this one].
+// $PLANISH_PROTO is the folder of the .proto files [the folder of this script].
 import grpc from '@grpc/grpc-js';
 import protoLoader from '@grpc/proto-loader';
 import {randomUUID} from 'node:crypto';
@@ -17,11 +17,13 @@ const {Planish} = grpc.loadPackageDefinition(definition).planish.v1;
 const bytesOf = (array) => Buffer.from(array.buffer, array.byteOffset, array.byteLength);
 const isLost = ({code, metadata}) => code === 14 || (code === 13 && !metadata.get('grpc-status-details-bin').length);
 
-// Arrays travel as the bytes that they have in memory. positions: Float32Array of x, y, z, near the origin. triangles: Uint32Array of three vertices each.
-// Returns {uv, report}: uv[2 * (3 * f + k)] and the number after it are (u, v) of corner k of triangle f.
+// Arrays travel as the bytes that they have in memory. positions: Float32Array of x, y, z, near the origin. triangles:
+// Uint32Array of three vertices each. Returns {uv, report}: uv[2 * (3 * f + k)] and the number after it are (u, v) of
+// corner k of triangle f.
 export async function unwrap(address, positions, triangles, options = {}, onProgress = () => {}) {
   const arrays = {positions: bytesOf(positions), triangles: bytesOf(triangles)};
-  // A server that is lost is asked again, or another one of its farm: with this id both go on with the same job.
+  // If the connection is lost, the same request is sent again. The id makes it continue the same job, also on another
+  // server of the farm.
   const request = {spec: {arrays, options}, requestId: randomUUID()};
   for (let attempt = 1, last = 0, job, chunks = []; ; ++attempt, chunks = []) {
     const client = new Planish(address, grpc.credentials.createInsecure(), {'grpc.max_send_message_length': -1});

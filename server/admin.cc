@@ -47,7 +47,7 @@ admin::v1::Stats Admin::Stats() const {
   *stats.mutable_start_time() = Stamp(start_);
   stats.set_draining(now.draining);
   stats.set_workers(now.workers);
-  // Other servers count with the workers that they announce while they live.
+  // Of other servers, all workers that they announce count as ready.
   stats.set_workers_ready(now.workers - now.own_workers + monitoring_.workers_ready());
   stats.set_queued(now.queued);
   stats.set_running(now.running);

@@ -13,7 +13,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// The actions behind planish.admin.v1.Admin. Thread-safe.
 class Admin {
  public:
   // The arguments must outlive this object.
@@ -34,7 +34,7 @@ class Admin {
   const Reloader& reloader_;
   const ServiceManager& service_manager_;
   const absl::Time start_ = absl::Now();
-  std::mutex draining_;  // one change at a time
+  std::mutex draining_;  // held while draining begins or ends
 };
 
 }  // namespace planish

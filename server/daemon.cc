@@ -33,16 +33,16 @@ constexpr int kCannotServe = 2;
 
 void SetUpLogging(const ServerFlags& flags) {
   SetUpLog(flags.log_format, flags.log_level);
-  // gRPC's log is debug output only: real errors reach us as statuses.
+  // gRPC's log becomes debug output, since real errors are returned as statuses.
   gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
-  // Mostly about callers' texts that are not UTF-8; the callers get an error for these.
+  // Protobuf's log is mostly about callers' texts that are not UTF-8, for which the callers get an error.
   google::protobuf::SetLogHandler([](google::protobuf::LogLevel level, const char*, int, const std::string& message) {
     Log(level == google::protobuf::LOGLEVEL_FATAL ? LogLevel::kError : LogLevel::kDebug, message,
         {{"source", "protobuf"}});
   });
 }
 
-// Every connection needs a descriptor, and stored and waiting jobs may.
+// Raises the limit of descriptors as far as possible: every connection needs one, and stored and waiting jobs may.
 void AllowManyDescriptors() {
   rlimit limit;
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -71,14 +71,14 @@ int Serve(const ServerConfig& config, std::vector<std::string> arguments, const 
   const ServerFlags& flags = config.flags;
   const ServiceManager service_manager;        // before any thread: it changes the environment
   ShutdownEvents events(flags.supervisor_fd);  // before any thread: it blocks the signals for all of them
-  // Never undone: the last grpc_shutdown() joins gRPC's own threads, one of which may be in a poll for 10 s.
+  // grpc_shutdown() is not called: it would join gRPC's own threads, one of which may be in a poll for 10 s.
   grpc_init();
   SetUpLogging(flags);
   for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is handled like a full disk
-  // Until the job ends (worker.cc). A server without jobs in its process returns memory after a burst of large
-  // requests.
+  // If jobs run in this process, freed memory is kept until a job ends (worker.cc). Other servers return it to the
+  // kernel after a burst of large requests.
   if (!flags.isolated) KeepFreedMemory();
   bool had_workers = false;
   {

@@ -28,12 +28,12 @@ absl::Status MakeDirectory(const std::string& path) {
   const bool made = std::filesystem::create_directories(path, error);
   if (error) return Failed("make the data directory", path, error.value());
   if (made && chmod(path.c_str(), 0700) != 0) return Failed("keep others out of", path, errno);
-  // The contents are only as durable as the directory's entry in its parent. A process that created it before may have
-  // died before syncing that.
+  // The contents are only as durable as the directory's entry in its parent. An earlier process may have created the
+  // directory and died before it synced the entry.
   const std::string absolute = std::filesystem::absolute(path, error).lexically_normal();
   for (std::filesystem::path folder = absolute; folder.has_relative_path(); folder = folder.parent_path()) {
     const int parent = open(folder.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (parent < 0) break;  // a parent that we may not open was not created by us
+    if (parent < 0) break;  // a parent that this process may not open was not created by it
     const int synced = fsync(parent);
     close(parent);
     if (synced != 0 && errno == EIO) return Failed("sync", folder.parent_path(), errno);

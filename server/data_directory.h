@@ -32,8 +32,9 @@ class DataDirectory {
 
   // Remembers the identities of the directory and its files. Call it once, when jobs() exists.
   absl::Status Remember();
-  // UNAVAILABLE with DATA_DIRECTORY_LOST if the directory or one of its files was removed or replaced: then nothing
-  // that this process writes would be found again. Once lost, it stays lost. Thread-safe.
+  // Checks that the directory and its files are still those of Remember(). UNAVAILABLE with DATA_DIRECTORY_LOST if one
+  // was removed or replaced: then nothing that this process writes would be found again. Once lost, it stays lost.
+  // Thread-safe.
   absl::Status Check() const;
 
  private:

@@ -16,7 +16,7 @@ JobCapacity CapacityOf(const std::vector<ServerEntry>& servers) {
     capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
     capacity.total_memory_bytes += server.memory_bytes;
   }
-  // Without workers jobs are accepted, and wait for workers to start.
+  // If no server has workers, jobs of any size are accepted, and wait for workers to start.
   if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;
   return capacity;
 }
@@ -36,7 +36,7 @@ absl::Status Farm::LastTick() const {
 }
 
 absl::Status Farm::AnnounceAndAsk() {
-  // Long enough for a database that restarts.
+  // The announcement lasts long enough for a database to restart meanwhile.
   PLANISH_RETURN_IF_ERROR(registry_.Announce(self_, 6 * kInterval));
   PLANISH_ASSIGN_OR_RETURN(std::vector<ServerEntry> servers, registry_.List());
   PLANISH_RETURN_IF_ERROR(CompareClocks());
@@ -66,7 +66,7 @@ absl::Duration Farm::ClockSkew() const {
 }
 
 Farm::~Farm() {
-  registry_.Withdraw(self_.name).IgnoreError();  // its row ends by itself
+  registry_.Withdraw(self_.name).IgnoreError();  // otherwise the row expires by itself
 }
 
 std::vector<ServerEntry> Farm::Servers() const {

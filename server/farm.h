@@ -14,7 +14,7 @@
 
 namespace planish {
 
-// This server among the others. Thread-safe.
+// Announces this server to the others, and keeps a list of all of them. Thread-safe.
 class Farm {
  public:
   // `registry` outlives the object. `on_skew`, unless null, is called within Tick() when this machine's clock is off by
@@ -32,9 +32,9 @@ class Farm {
   // What the last Tick() returned.
   absl::Status LastTick() const;
 
-  // The state as of the last Tick(), so a server that starts or ends is noticed up to kInterval late. Until then a mesh
-  // that only that server has memory for is refused or waits, and the queue's limits are off by its workers. Nothing
-  // else depends on it.
+  // The present servers and their capacity as of the last Tick(). So a server that starts or ends is noticed up to
+  // kInterval late. Until then a mesh that only that server has memory for is refused or waits, and the queue's limits
+  // are off by its workers; there are no other effects.
   std::vector<ServerEntry> Servers() const;
   JobCapacity Capacity() const;
 

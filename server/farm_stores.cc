@@ -15,7 +15,7 @@
 namespace planish {
 namespace {
 
-// The first line of the file.
+// The password, which is the first line of the file.
 absl::StatusOr<std::string> ReadPassword(const std::string& path) {
   std::ifstream file(path);
   std::string line;

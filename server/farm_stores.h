@@ -5,7 +5,7 @@
 
 namespace planish {
 
-// FarmOpener for PostgreSQL, with blobs there, in S3, or in a directory.
+// FarmOpener for PostgreSQL, with blobs in the same database, in S3, or in a directory.
 absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags);
 
 }  // namespace planish

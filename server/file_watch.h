@@ -31,7 +31,7 @@ class FileWatch {
 
   const std::vector<std::string> files_;
   std::vector<Stamp> known_;
-  std::vector<Stamp> seen_;  // at the last call
+  std::vector<Stamp> seen_;  // the state at the last call
 };
 
 }  // namespace planish

@@ -173,7 +173,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
   app->add_option("--worker-program", flags->worker_program)->group("")->configurable(false);
 }
 
-// CLI11 accepts "nan" as a number within every range.
+// Makes all options refuse "nan", which CLI11 accepts as a number within every range.
 void RefuseNan(CLI::App* app) {
   const auto is_number = [](const std::string& text) {
     double number = 0;
@@ -201,7 +201,7 @@ class CommandLine {
   CLI::App& app() { return app_; }
   const ConfigFlags& config() const { return config_; }
 
-  // After app().parse().
+  // The whole configuration. Call it after app().parse().
   absl::StatusOr<ServerConfig> Complete(const Environment& environment) {
     std::vector<std::string> errors = settings_->AddEnvironment(environment);
     const auto named = environment.find(absl::StrCat(kEnvironmentPrefix, "CONFIG"));

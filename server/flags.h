@@ -57,7 +57,7 @@ struct ServerFlags {
 
   LogLevel log_level = LogLevel::kInfo;
   LogFormat log_format = LogFormat::kHuman;
-  int supervisor_fd = -1;  // -1: none
+  int supervisor_fd = -1;  // a socket: the server ends when the other side closes it; -1: none
   bool failpoints = false;
   std::string worker_program;  // empty: this program
 };

@@ -11,8 +11,8 @@
 namespace planish {
 namespace {
 
-// With an access file every user of the machine may connect, and the file decides who may call. Without one the mode
-// keeps other users out, and so does CallerSource.
+// Modes of Unix sockets. With an access file every user of the machine may connect, and the file decides who may call.
+// Without an access file the mode keeps other users out, and so does CallerSource.
 constexpr unsigned kEverybody = 0666;
 constexpr unsigned kOwner = 0600;
 
@@ -29,7 +29,7 @@ void LogWarnings(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) LogWarn(warning);
 }
 
-// `name`: what was prepared, for the log.
+// Calls the prepared function, or logs the error. `name`: what was prepared, for the log.
 void TakeOver(const absl::StatusOr<std::function<void()>>& prepared, const std::string& name) {
   if (prepared.ok()) return (*prepared)();
   LogError(name + " stays as it was", {{"error", std::string(prepared.status().message())}});

@@ -18,7 +18,8 @@
 
 namespace planish {
 
-// Must outlive the RpcServer that it configured. Thread-safe.
+// Reads the files that the flags name, and reloads them when they change. Must outlive the RpcServer that it
+// configured. Thread-safe.
 class FrontDoor {
  public:
   // Reads and checks all files. INVALID_ARGUMENT says what is wrong with them.
@@ -36,7 +37,7 @@ class FrontDoor {
   // When the certificate in force expires; null without TLS. Must not outlive this object.
   std::function<absl::Time()> certificate_end() const;
 
-  // Null without an access file.
+  // The access file; null if there is none.
   const AccessSource* access() const { return access_.get(); }
 
   // Reads all files again; calling the returned function puts them in force and logs it. If any file is wrong, returns
@@ -49,7 +50,7 @@ class FrontDoor {
 
  private:
   explicit FrontDoor(SecurityFlags flags);
-  // Return a function that does nothing if there are no such files.
+  // Prepare the reload of the access file, or of the TLS files. If there are none, the returned function does nothing.
   absl::StatusOr<std::function<void()>> PrepareAccess();
   absl::StatusOr<std::function<void()>> PrepareTls();
   // Names for the log.

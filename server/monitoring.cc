@@ -10,7 +10,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Obstacle = Readiness::Obstacle;
 
-// Beats and upkeep run ten times a second; a store on a slow disk may delay upkeep.
+// Longest time without a beat or a round of upkeep. Both run ten times a second, but a slow disk may delay upkeep.
 constexpr std::chrono::seconds kBeatLimit(30);
 constexpr absl::Duration kAnswerLimit = absl::Seconds(3);
 constexpr std::chrono::seconds kProbeInterval(2);
@@ -205,7 +205,7 @@ HttpAnswer Monitoring::Metrics() const {
 
 HttpAnswer Monitoring::Live() const {
   const std::shared_lock lock(mutex_);
-  // Opening the stores may take long, and so may the shutdown.
+  // Live also before Attach() and after Detach(): opening the stores may take long, and so may the shutdown.
   if (!server_.has_value()) return {200, "live\n"};
   const Clock::duration silence = Clock::now() - last_beat_.load();
   if (silence > kBeatLimit) return Unavailable(absl::StrCat("no thread has run for ", SecondsOf(silence), " s"));

@@ -51,9 +51,8 @@ struct WatchedServer {
 //             answer, its numbers are those of its last answer.
 //   /livez    200 as long as the process serves: its threads run, and the gRPC server answers a call made to it. 503
 //             names the part that does not. For probes that restart the process, so the store does not count.
-//   /readyz   200 if the server takes new jobs. 503 says why not, for instance the store. For probes that take it out
-//   of
-//             service.
+//   /readyz   200 if the server takes new jobs. 503 says why not, for instance the store. For probes that take the
+//             server out of service.
 // gRPC health reports the same: the service "" is live, "planish.v1.Planish" is ready.
 //
 // Create it first and destroy it last. Thread-safe.
@@ -64,9 +63,9 @@ class Monitoring {
                       std::function<void(const std::string& why_not)> on_readiness = nullptr)
       : metrics_(version), on_readiness_(std::move(on_readiness)) {}
 
-  // Serves from its return on. UNAVAILABLE as HttpEndpoint::Start().
+  // Begins to serve over HTTP. UNAVAILABLE as HttpEndpoint::Start().
   absl::Status Listen(const HttpEndpointOptions& options);
-  // The address it listens on, if any.
+  // The address of /metrics and the probes; nullopt without Listen().
   std::optional<std::string> address() const;
 
   // ---- hooks; set them before anything starts. Functions that are already set are still called.
@@ -77,15 +76,15 @@ class Monitoring {
   // Workers that are ready, idle or with a job, as counted by the hooks.
   int workers_ready() const { return metrics_.workers_ready(); }
 
-  // The server serves from now on.
+  // Call it when the server begins to serve.
   void Attach(const WatchedServer& server);
   // Call it a few times a second, on a thread that does nothing else. Never blocks.
   void Beat();
-  // Upkeep has completed a round.
+  // Call it after each round of upkeep.
   void NoteUpkeep() { last_upkeep_ = std::chrono::steady_clock::now(); }
-  // The server takes no new jobs and is about to exit: no longer ready, but still live.
+  // Call it when the server takes no new jobs and is about to exit: it is no longer ready, but still live.
   void SetEnding();
-  // After it, the attached parts may be destroyed. Waits for a running question to the store.
+  // Call it before the attached parts are destroyed. Waits for a running question to the store.
   void Detach();
 
  private:
@@ -113,7 +112,7 @@ class Monitoring {
   std::chrono::steady_clock::time_point next_probe_;  // used by Beat() only
 
   std::mutex start_mutex_;
-  std::string start_error_;  // of the last start of a worker, "" if it succeeded; guarded by start_mutex_
+  std::string start_error_;  // why the last start of a worker failed, or ""; guarded by start_mutex_
 
   mutable std::shared_mutex mutex_;
   std::optional<WatchedServer> server_;  // guarded by mutex_
@@ -123,7 +122,7 @@ class Monitoring {
   std::mutex telling_;
   bool told_ready_ = true;  // guarded by telling_; gRPC's health begins as SERVING
 
-  std::unique_ptr<HttpEndpoint> endpoint_;  // last: its threads end first
+  std::unique_ptr<HttpEndpoint> endpoint_;  // the last member, so that its threads end before the others are destroyed
 };
 
 }  // namespace planish

@@ -10,7 +10,7 @@
 
 namespace planish {
 
-// Passes it from the pool's threads to the main thread. Thread-safe.
+// Passes this reason from the pool's threads to the main thread. Thread-safe.
 class NoWorkers {
  public:
   void Set(const absl::Status& last, ShutdownEvents* events) {

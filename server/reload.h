@@ -31,18 +31,18 @@ class Reloader {
  public:
   explicit Reloader(std::vector<Setting> settings);
 
-  // `keys`: the settings that the hook handles. The hook is called at every reload, even if they did not change, since
-  // files that they name may have.
+  // `keys`: the settings that the hook handles. The hook is called at every reload, even if none of them changed, since
+  // the contents of files that they name may have changed.
   void AddHook(const std::vector<std::string>& keys, ReloadHook hook);
 
-  // Reloads all or nothing. Puts the settings that hooks handle in force, and logs the name of every other setting that
-  // changed; these take effect after a restart. Also logs the outcome.
+  // Reloads all or nothing. Puts the settings that hooks handle in force, and logs every setting that changed; those
+  // that no hook handles take effect after a restart. Also logs the outcome.
   void Reload(const absl::StatusOr<ServerConfig>& config);
 
   ConfigInForce InForce() const;
 
  private:
-  // Logs the names of changed settings. Returns the settings in force.
+  // The settings in force after a reload that wants `wanted`. Logs every setting that changed.
   std::vector<Setting> Merge(const std::vector<Setting>& wanted) const;
 
   std::set<std::string> keys_;

@@ -165,7 +165,8 @@ void Server::StartUpkeep() {
   });
 }
 
-// The check that the store answers and can be written; may never return. Null: the store is in memory.
+// Returns a function that checks that the store answers and can be written, and that may never return; null if the
+// store is in memory.
 std::function<absl::Status()> Server::StoreQuestion() {
   if (!stores_.directory.has_value() && !farm_.has_value()) return nullptr;
   return [this]() -> absl::Status {
@@ -243,7 +244,7 @@ bool Server::Run() {
   const bool failed = wake == Wake::kFailed;
   if (failed) {
     LogError(no_workers_.status().message());
-    // The jobs wait for another server; if the store ends with this one, they will never run.
+    // Jobs in a durable store wait for another server. In a store that ends with this server they would never run.
     if (!config_.flags.store.is_durable()) manager_->FailAll(no_workers_.status());
   }
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds_) : absl::ZeroDuration();
@@ -277,7 +278,7 @@ bool Server::EndJobs(absl::Duration grace) {
   const ServerFlags& flags = config_.flags;
   manager_->Drain([this] { events_.NotifyIdle(); });
   const bool idle = WaitUntilIdle(grace);
-  // In a farm the jobs go on at other servers, and so do callers that watch them here.
+  // In a farm the jobs go on at other servers, and callers that watch them here continue there.
   if (idle && !flags.store.is_farm()) return true;
   if (flags.store.is_durable()) {
     if (!idle) LogInfo("leaving the jobs that are left to another server");

@@ -13,7 +13,7 @@ namespace planish {
 inline constexpr std::int64_t kUploadChunkBytes = kMiB;
 
 JobLimits LimitsFrom(const ServerFlags& flags);
-// Without the members that depend on other parts of the server.
+// The options of the JobManager, except members that depend on other parts of the server.
 JobManagerOptions ManagerOptionsFrom(const ServerFlags& flags);
 v1::Capabilities CapabilitiesFrom(const ServerFlags& flags);
 WorkerPoolOptions PoolOptionsFrom(const ServerFlags& flags);

@@ -59,7 +59,7 @@ ShutdownEvents::~ShutdownEvents() {
 
 void ShutdownEvents::TellReady() {
   constexpr char kReady[] = "ready\n";
-  // If nobody reads, Wait() reports it.
+  // Errors are ignored: if the supervisor is gone, Wait() reports that.
   if (supervisor_fd_ >= 0) [[maybe_unused]]
     const ssize_t written = write(supervisor_fd_, kReady, sizeof(kReady) - 1);
 }

@@ -31,7 +31,7 @@ class ShutdownEvents {
   // Waits at most `timeout`. Call it from one thread.
   Wake Wait(absl::Duration timeout);
 
-  // Thread-safe.
+  // Make Wait() return kIdle or kFailed. Thread-safe.
   void NotifyIdle();
   void NotifyFailed();
 

@@ -32,7 +32,7 @@ struct StoreFlags {
   std::string s3_region = "us-east-1";
   std::string s3_credentials;  // empty: from the environment
   std::string s3_ca;           // empty: the CAs of the system
-  double lease_seconds = 15;   // of running work, > 0
+  double lease_seconds = 15;   // duration of the leases of running work, > 0
 
   // Whether other servers may use the same store.
   bool is_farm() const { return !url.empty(); }
@@ -48,7 +48,7 @@ absl::Status CheckStore(const StoreFlags& flags);
 
 // The parts of a StoreFlags::blobs that begins with "s3://".
 struct S3Place {
-  std::string bucket, prefix;  // of all keys, without a slash at either end; may be empty
+  std::string bucket, prefix;  // the prefix of all keys has no slash at either end, and may be empty
 };
 absl::StatusOr<S3Place> ParseS3Place(const std::string& blobs);
 

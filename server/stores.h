@@ -33,14 +33,14 @@ using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& f
 // Later members use earlier ones.
 struct Stores {
   FarmStores farm;                         // all null without --store
-  std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
-  std::unique_ptr<DiskRoom> disk;          // of a data directory
+  std::optional<DataDirectory> directory;  // the data directory, if the flags name one
+  std::unique_ptr<DiskRoom> disk;          // null without a data directory
   std::unique_ptr<JobStore> own_jobs;      // null in a farm
   std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;
 
   JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
-  // JobManagerOptions::disk_shortage.
+  // Implements JobManagerOptions::disk_shortage.
   absl::StatusOr<std::int64_t> DiskShortage(std::int64_t more) const;
   // Whether an upload refers to the blob or has it as a piece. Also true if the store of uploads does not answer.
   bool IsBlobUsed(const BlobId& id) const;

@@ -45,8 +45,8 @@ bool IsOutOfMemory() {
   return false;
 }
 
-// If memory runs out on a helper thread, where nobody can catch it, the job still ends with OUT_OF_MEMORY. Any other
-// exception is a bug, and aborts.
+// The terminate handler. If memory runs out on a helper thread, where nobody can catch the exception, the job still
+// ends with OUT_OF_MEMORY. Any other exception is a bug, and aborts.
 [[noreturn]] void EndWithoutMemory() {
   if (!IsOutOfMemory()) std::abort();
   [[maybe_unused]] const ssize_t written = write(link_fd, last_words->data(), last_words->size());
@@ -61,7 +61,7 @@ void PrepareLastWords(int fd) {
   std::set_terminate(EndWithoutMemory);
 }
 
-// Whether the server died before ConfineProcess() could tie this process to it.
+// Whether the server is gone: it may have died before ConfineProcess() tied this process to it.
 bool IsAlone(int fd) {
   pollfd source = {fd, 0, 0};
   return poll(&source, 1, 0) > 0 && (source.revents & (POLLHUP | POLLERR | POLLNVAL)) != 0;
@@ -97,7 +97,7 @@ int Run(const WorkerArguments& arguments) {
   settings.owns_process = true;
   settings.failpoints = arguments.failpoints;
   settings.send_garbage = SendGarbage;
-  const Descriptor words = SwitchStderr(arguments.stderr_fd);  // the sandbox no longer allows it
+  const Descriptor words = SwitchStderr(arguments.stderr_fd);  // before the sandbox, which would refuse this
   if (arguments.sandbox != SandboxMode::kOff) {
     const absl::Status sandbox = EnterSandbox();
     if (!sandbox.ok() && arguments.sandbox == SandboxMode::kRequire) {

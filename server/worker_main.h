@@ -6,7 +6,7 @@
 namespace planish {
 
 // If this is the command line of a worker, serves jobs over the descriptor that it names until the link closes, and
-// returns the exit code. Otherwise returns nothing. main() must call it first.
+// then ends the process. Otherwise returns nullopt. main() must call it first.
 std::optional<int> RunIfWorker(int argc, char** argv);
 
 }  // namespace planish

@@ -4,8 +4,8 @@
     build_addon.py addon     ZIP VERSION PACKAGE_TREE LICENSE          for all versions: the package `planish` is in its folder `lib`
     build_addon.py extension ZIP VERSION LICENSE PLATFORM WHEEL...     for 4.2 and later: the wheels are in it; PLATFORM as Blender names it
 
-The wheels are that of `planish`, and those of grpcio and protobuf if available. With the wheel of `planish` that has
-the server the extension works without the other two, by the command in it.
+The wheels are that of `planish`, and those of grpcio and protobuf if available. With the wheel of `planish` that
+contains the server, the extension works without the other two wheels: it runs the command in that wheel.
 """
 
 import pathlib

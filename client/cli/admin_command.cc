@@ -20,7 +20,7 @@ void AddFlags(CLI::App& app, AdminArguments& arguments) {
 
 void AddFlags(CLI::App& app, AdminDrainArguments& arguments) {
   AddServer(app, arguments.server, "required here");
-  app.add_flag("--wait", arguments.wait, "Return when no job is left");
+  app.add_flag("--wait", arguments.wait, "Wait until no job is left");
 }
 
 void AddFlags(CLI::App& app, AdminStatsArguments& arguments) {
@@ -85,7 +85,7 @@ void Print(const ServerStats& stats) {
   std::cout << std::flush;
 }
 
-// A line on stderr each time the numbers change.
+// Waits until no job waits or runs. Prints the numbers to stderr each time they change.
 void WaitUntilIdle(AdminClient& admin) {
   std::string said;
   for (ServerStats stats = admin.GetStats(); !stats.IsIdle(); stats = admin.GetStats()) {

@@ -13,7 +13,7 @@ struct AdminArguments {
   ServerArguments server;
 };
 struct AdminDrainArguments : AdminArguments {
-  bool wait = false;  // until no job is left
+  bool wait = false;  // return only when no job is left
 };
 struct AdminUndrainArguments : AdminArguments {};
 struct AdminStatsArguments : AdminArguments {

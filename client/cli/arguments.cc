@@ -14,23 +14,26 @@ namespace planish::cli {
 namespace {
 
 void AddSecurity(CLI::App& app, ServerArguments& server) {
-  app.add_flag("--tls", server.tls, "Encrypt, and ask the server for a certificate that this system trusts")
+  app.add_flag("--tls", server.tls, "Encrypt, and require a server certificate that this system trusts")
       ->envname("PLANISH_TLS");
-  app.add_option("--tls-ca", server.tls_ca_file, "The same, signed by one of these")
+  app.add_option("--tls-ca", server.tls_ca_file, "Like --tls, but trust only the certificate authorities in this file")
       ->envname("PLANISH_TLS_CA")
       ->type_name("PEM");
-  app.add_option("--tls-cert", server.tls_cert_file, "Certificate of your own, for servers that ask for one")
+  app.add_option("--tls-cert", server.tls_cert_file, "Client certificate, for servers that ask for one")
       ->envname("PLANISH_TLS_CERT")
       ->type_name("PEM");
-  app.add_option("--tls-key", server.tls_key_file, "Its key")->envname("PLANISH_TLS_KEY")->type_name("PEM");
-  app.add_option("--tls-server-name", server.tls_server_name, "What the server's certificate is for [the host]")
+  app.add_option("--tls-key", server.tls_key_file, "Private key of --tls-cert")
+      ->envname("PLANISH_TLS_KEY")
+      ->type_name("PEM");
+  app.add_option("--tls-server-name", server.tls_server_name, "Name that the server's certificate must have [the host]")
       ->envname("PLANISH_TLS_SERVER_NAME")
       ->type_name("NAME");
-  app.add_option("--token-file", server.token_file, "Token that says who you are; or the token itself in PLANISH_TOKEN")
+  app.add_option("--token-file", server.token_file,
+                 "File with your access token; or put the token itself into PLANISH_TOKEN")
       ->envname("PLANISH_TOKEN_FILE")
       ->type_name("FILE");
   app.add_flag("--token-over-plaintext", server.token_over_plaintext,
-               "Send it to another machine even without TLS, for everybody on the way to read");
+               "Send the token to another machine even without TLS; anybody on the way can read it");
 }
 
 }  // namespace
@@ -108,7 +111,7 @@ void AddJson(CLI::App& app, bool& json) {
 
 void AddTerminal(CLI::App& app, TerminalArguments& terminal) {
   app.option_defaults()->group("Terminal");
-  app.add_flag("-q,--quiet", terminal.quiet, "Say nothing on stderr but what went wrong; the exit code says the rest");
+  app.add_flag("-q,--quiet", terminal.quiet, "Print only errors on stderr");
   Choices<ColorMode>{{ColorMode::kAuto, ColorMode::kAlways, ColorMode::kNever}}.AddTo(
       app, "--color", terminal.color, "Colours on stderr; auto: on a terminal, unless NO_COLOR is set [auto]");
 }
@@ -117,19 +120,19 @@ void AddProgress(CLI::App& app, TerminalArguments& terminal) {
   Choices<ProgressMode>{
       {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
       .AddTo(app, "--progress", terminal.progress,
-             "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file; "
-             "with --verbose as plain)");
+             "Progress of a running job on stderr; auto: a bar on a terminal, otherwise nothing, but a line per file "
+             "for a batch, and as plain with --verbose");
   app.add_flag("-v,--verbose", terminal.verbose,
-               "Say on stderr which server answers and what is sent, and of the result also the seconds of each stage, "
-               "memory, charts and every warning")
+               "Print more on stderr: which server answers, what is sent, seconds of each stage, memory, charts and "
+               "every warning")
       ->excludes("--quiet");
 }
 
 void AddOutput(CLI::App& app, std::string& path, bool takes_batch) {
   app.add_option("-o,--output", path,
-                 std::string("Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or "
-                             ".drc; - is stdout; a directory keeps the name") +
-                     (takes_batch ? ", and takes a batch" : ""))
+                 std::string("Output file; its extension chooses the format: .obj, .ply, .off, .gltf, .glb or .drc; - "
+                             "is stdout; in a directory the file has the input's name") +
+                     (takes_batch ? "; a batch needs a directory" : ""))
       ->type_name("OUT");
 }
 
@@ -147,7 +150,7 @@ void AddTimeout(CLI::App& app, double& seconds, const std::string& description) 
 }
 
 void AddTexcoord(CLI::App& app, int& texcoord) {
-  app.add_option("--texcoord", texcoord, "Which set of UV of a glTF is read, TEXCOORD_N, up to 7 [0]")
+  app.add_option("--texcoord", texcoord, "Read the UV set TEXCOORD_N of a glTF, N up to 7 [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
 }
@@ -155,7 +158,7 @@ void AddTexcoord(CLI::App& app, int& texcoord) {
 void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord) {
   app.add_option_function<int>(
          "--output-texcoord", [&texcoord](const int& n) { texcoord = n; },
-         "Which set the new UV become; others stay as they are [that of --texcoord]")
+         "Write the new UV to the set TEXCOORD_N; other sets stay unchanged [that of --texcoord]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
 }
@@ -163,26 +166,25 @@ void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord) {
 void AddTextures(CLI::App& app, TextureArguments& textures) {
   Choices<Textures>{{Textures::kTransfer, Textures::kKeep, Textures::kDrop}}.AddTo(
       app, "--textures", textures.textures,
-      "Images of glTF and OBJ whose UV are replaced: transfer, draw them into the new map; keep, leave them and their "
-      "UV, and put the new UV into the next free set; drop, remove the references [transfer]");
+      "Images of a glTF or OBJ that use the replaced UV. transfer: redraw them for the new map; keep: keep images and "
+      "old UV, and write the new UV to the next free set; drop: remove the references [transfer]");
   AddImageFlags(app, textures);
 }
 
 void AddImageFlags(CLI::App& app, TextureArguments& textures) {
   app.add_flag("--merge-materials", textures.merge_materials,
-               "glTF: materials that differ only in images and factors become one, with one set of images and one "
-               "primitive a mesh");
+               "glTF: merge materials that differ only in images and factors; the merged one has one set of images, "
+               "and each mesh one primitive for it");
   app.add_option_function<std::string>(
          "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
-         "Paint this into an image of base colours: colors, those of the vertices [nothing]")
+         "Write colours into a base colour image; colors: the vertex colours [nothing]")
       ->check(CLI::IsMember({"colors"}).description(""))
       ->type_name("colors");
   app.add_option("--memory", textures.memory_mb,
-                 "Megabytes that moving one image may take at most [half of the machine's]")
+                 "Memory limit for redrawing one image, in megabytes [half of the machine's memory]")
       ->check(CLI::Range(1, 1 << 24).description(""))
       ->type_name("MB");
-  app.add_flag("--allow-outside", textures.allow_outside,
-               "Read images that do not lie in the folder of the model as well");
+  app.add_flag("--allow-outside", textures.allow_outside, "Also read images outside of the model's folder");
 }
 
 void AddScheduling(CLI::App& app, Scheduling& scheduling) {
@@ -193,21 +195,21 @@ void AddScheduling(CLI::App& app, Scheduling& scheduling) {
              if (name == ToString(priority)) scheduling.priority = priority;
            }
          },
-         "Which waiting job is next: high counts as 10 minutes older, low as 10 minutes younger [normal]")
+         "Order among waiting jobs: high, as if it had waited 10 minutes longer; low, 10 minutes less [normal]")
       ->check(CLI::IsMember({"low", "normal", "high"}).description(""))
       ->type_name("low|normal|high");
   app.add_option_function<double>(
          "--deadline", [&scheduling](const double& seconds) { scheduling.timeout = Seconds(seconds); },
-         "The server fails the job if it has not ended so long after it was accepted, time in the queue included")
+         "The server fails the job if it has not ended SECONDS after it was accepted; time in the queue counts")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
   app.add_option_function<double>(
          "--budget", [&scheduling](const double& seconds) { scheduling.compute_budget = Seconds(seconds); },
-         "The server stops the job when it has run for so long, and delivers the best map that there is then")
+         "The server stops the job after it has run for SECONDS, and delivers the best map so far")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
   app.add_flag("--fresh", scheduling.fresh,
-               "The server computes anew even if it has kept the result for this mesh and these options");
+               "The server computes again even if it has stored the result for this mesh and these options");
 }
 
 ClientOptions WithServer(ClientOptions options, const ServerArguments& server) {
@@ -225,7 +227,7 @@ ClientOptions WithServer(ClientOptions options, const ServerArguments& server) {
 
 namespace {
 
-// "skin=2"; the name may have equals signs.
+// Parses "skin=2" and adds it to `material_weights`; the name may have equals signs. Throws CLI::ValidationError.
 void AddMaterialWeight(const std::string& text, std::map<std::string, double>* material_weights) {
   const std::size_t equals = text.rfind('=');
   double weight = 0;
@@ -248,8 +250,8 @@ void AddWeights(CLI::App& app, std::map<std::string, double>& material_weights, 
          [&material_weights](const std::vector<std::string>& texts) {
            for (const std::string& text : texts) AddMaterialWeight(text, &material_weights);
          },
-         "So many times the texels per length for the " + pieces +
-             " of a material, 0.01 to 100; several times for several")
+         "Multiply the texel density of the " + pieces +
+             " of a material by X, 0.01 to 100; repeat the flag for further materials")
       ->type_name("MATERIAL=X");
 }
 
@@ -260,7 +262,7 @@ void AddTileSize(CLI::App& app, int& texture_size) {
 }
 
 void AddTiles(CLI::App& app, int& tiles) {
-  app.add_option("--tiles", tiles, "Tiles (UDIM 1001, 1002, ...) that charts may lie in, to 100 [1]")
+  app.add_option("--tiles", tiles, "Tiles (UDIM 1001, 1002, ...) that charts may lie in, up to 100 [1]")
       ->check(CLI::Range(1, 100).description(""))
       ->type_name("N");
 }

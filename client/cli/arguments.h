@@ -1,5 +1,5 @@
-// Arguments that several commands share: structs to compose a command's arguments of, the flags that set them, and
-// their checks. Arguments of a single command are declared beside it (inspect_command.h, ...).
+// Arguments that several commands share: structs, the flags that set their members, and checks. Arguments of a single
+// command are declared beside that command (inspect_command.h, ...).
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ class App;
 namespace planish::cli {
 
 // Each Add function adds flags to the command `app`. Parsing sets the variables that are passed by reference, which
-// must outlive it. `description` and `otherwise` are the part of the help text that depends on the command.
+// must outlive the parsing. `description` and `otherwise` are the part of the help text that depends on the command.
 
 // ---- The server
 
@@ -33,8 +33,9 @@ struct ServerArguments {
   bool token_over_plaintext = false;
 };
 
-// Sets TLS and token of `options`. Without a token file the token is the one in PLANISH_TOKEN. There is no flag for
-// the token itself, because every user of the machine sees the arguments of a command.
+// Returns `options` with the TLS settings and the token of `server`. Without a token file the token is taken from
+// PLANISH_TOKEN. There is no flag for the token itself, because every user of the machine sees the arguments of a
+// command.
 ClientOptions WithServer(ClientOptions options, const ServerArguments& server);
 void AddServer(CLI::App& app, ServerArguments& server, const std::string& otherwise);
 
@@ -64,13 +65,14 @@ struct TerminalArguments {
 };
 
 void AddJson(CLI::App& app, bool& json);
-// --quiet and --color. It begins a group, so it comes last, except for AddProgress(): --progress and --verbose.
+// AddTerminal() adds --quiet and --color, AddProgress() adds --progress and --verbose. AddTerminal() begins a group of
+// the help, so only AddProgress() should come after it.
 void AddTerminal(CLI::App& app, TerminalArguments& terminal);
 void AddProgress(CLI::App& app, TerminalArguments& terminal);
 
 // ---- Input files
 
-// IN and MORE.
+// The arguments IN and MORE.
 struct InputArguments {
   std::string first;
   std::vector<std::string> more;
@@ -82,7 +84,7 @@ void AddTexcoord(CLI::App& app, int& texcoord);
 
 // ---- Output files
 
-// What happens to the images of a model's materials when the UV they are read with are replaced.
+// What happens to images of a model when the UV that they use are replaced (--textures).
 enum class Textures { kTransfer, kKeep, kDrop };
 const char* ToString(Textures textures);  // "transfer", ...
 
@@ -96,7 +98,7 @@ struct TextureArguments {
 
 struct OutputArguments {
   std::string path;             // a file, "-", or a directory
-  std::optional<int> texcoord;  // the set of UV that is written; without a value the set that was read
+  std::optional<int> texcoord;  // the UV set that is written; without a value: the set that was read
   TextureArguments textures;
   std::string preview;  // a PNG or SVG of the UV layout; empty: none
 };
@@ -104,32 +106,33 @@ struct OutputArguments {
 void AddOutput(CLI::App& app, std::string& path, bool takes_batch);
 void AddPreview(CLI::App& app, std::string& preview);
 void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord);
-// --textures, and the flags of AddImageFlags(): --merge-materials, --bake, --memory and --allow-outside.
+// AddTextures() adds --textures and the flags of AddImageFlags(): --merge-materials, --bake, --memory and
+// --allow-outside.
 void AddTextures(CLI::App& app, TextureArguments& textures);
 void AddImageFlags(CLI::App& app, TextureArguments& textures);
 
 // ---- The atlas
 
-// --weight; `pieces`: what the command packs.
+// Adds --weight. `pieces`: what the command packs, "charts" or "islands".
 void AddWeights(CLI::App& app, std::map<std::string, double>& material_weights, const std::string& pieces);
-// --texture-size and --tiles of commands that look at UV.
+// --texture-size and --tiles, for commands that check or show existing UV.
 void AddTileSize(CLI::App& app, int& texture_size);
 void AddTiles(CLI::App& app, int& tiles);
 
 // ---- Checks. Each returns a message about a mistake, or an empty string
 
-// The first problem of several.
+// Returns the first of `problems` that is not empty.
 std::string FirstProblem(std::initializer_list<std::string> problems);
 
-// Whether --texcoord suits one input file.
+// Whether --texcoord fits the format of one input file.
 std::string CheckTexcoord(int texcoord, const std::string& input);
 std::string CheckStreams(const std::vector<std::string>& inputs);
 std::string CheckPreview(const std::string& preview);
 // Whether the mesh and JSON both want stdout.
 std::string CheckStdout(const std::string& output, bool json);
-// Whether --merge-materials and --bake go with --textures.
+// Whether --merge-materials and --bake can be combined with the value of --textures.
 std::string CheckPainting(const TextureArguments& textures);
-// Whether there is an output; the message has an example.
+// Whether -o was given; the message has an example.
 std::string CheckDestination(const std::string& output, const std::string& command, const std::string& input);
 
 bool IsDirectory(const std::string& path);

@@ -20,7 +20,7 @@
 namespace planish::cli {
 namespace {
 
-// How long the batch waits for a server that went away, for instance to restart.
+// How long the batch waits for a server that does not answer, for instance because it restarts.
 constexpr double kServerPatienceSeconds = 30;
 
 ServerNeeds NeedsOf(const UnwrapArguments& arguments, const BatchPlan& plan) {
@@ -28,7 +28,7 @@ ServerNeeds NeedsOf(const UnwrapArguments& arguments, const BatchPlan& plan) {
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
   needs.workers = static_cast<int>(std::min<std::size_t>(cores, plan.items.size()));
   needs.threads = arguments.map.options.threads;
-  // The batch retries without limit.
+  // With --detach the batch itself retries when the queue is full. Otherwise the client retries, without limit.
   needs.client.queue_full_timeout = Seconds(arguments.detach ? 0 : 1e9);
   return needs;
 }
@@ -100,7 +100,7 @@ int RunPlan(const UnwrapArguments& arguments, Interrupts& interrupts, const Batc
   try {
     if (sheet) sheet->Write(SheetRows(plan, rows));
   } catch (const Error& error) {
-    // The meshes are written even so.
+    // The meshes are written already, so the batch goes on to its summary.
     std::cerr << ErrorText(error, "", StderrTerminal());
     if (exit_code == kOk) exit_code = kFailed;
   }

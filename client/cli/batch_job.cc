@@ -25,9 +25,10 @@
 namespace planish::cli {
 namespace {
 
-// A job with a shorter wait found an idle worker.
+// A job that waited for less than this found an idle worker.
 constexpr double kIdleSeconds = 0.005;
-// Most threads of this command. It takes several commands to keep a server with more workers busy.
+// Most threads of this command, and so most files in flight. To keep a server with more workers busy, run several
+// commands.
 constexpr int kMostThreads = 256;
 
 int Spare(int workers) {
@@ -72,7 +73,7 @@ void BatchFlight::Stop() {
 
 void BatchFlight::OnQueueFull() {
   const std::lock_guard lock(mutex_);
-  // Files that wait for room in the queue use memory to no purpose.
+  // Files that wait for room in the server's queue only use memory here.
   limit_ = std::max(1, std::min(limit_, in_flight_) - 1);
 }
 
@@ -162,7 +163,7 @@ class BatchJob {
     if (const auto known = context_.state.Find(item_.key); known && known->IsOf(record_) && !arguments_.again) {
       if (context_.state.IsIntact(*known)) return Keep(*known);
       if (known->queued && known->server == arguments_.server.address) job = known->job;
-      // The previous run ended between request and response. The same request id returns the same job.
+      // If the previous run ended between request and response, this request id returns the same job.
       if (known->server == arguments_.server.address) request_id = known->request_id;
     }
     MakeDirectory(fs::path(item_.output).parent_path());
@@ -189,7 +190,7 @@ class BatchJob {
     return call;
   }
 
-  // Whether a queued job has ended. Clears `job` if the server no longer knows it.
+  // Whether a queued job has ended. If the server no longer knows it, clears `job` and returns true.
   bool HasEnded(std::string* job) {
     try {
       return IsTerminal(context_.client.GetJob(*job).state);
@@ -200,7 +201,7 @@ class BatchJob {
     }
   }
 
-  // The result of a job that an earlier run has queued; nothing if the server no longer knows it.
+  // Returns the result of a job that an earlier run has queued; nothing if the server no longer knows the job.
   std::optional<UnwrapResult> Fetch(const std::string& job) {
     try {
       return context_.client.AttachResult(job, files_->view(), callbacks_, Call());
@@ -211,7 +212,7 @@ class BatchJob {
         throw;
       }
       if (error.code() != ErrorCode::kUnavailable && error.code() != ErrorCode::kDeadlineExceeded) {
-        // The next run must submit the job again, not fetch the same error.
+        // Records the failure, so that the next run submits the file again instead of fetching the same error.
         record_.job = job;
         context_.state.Append(record_);
       }
@@ -219,7 +220,7 @@ class BatchJob {
     }
   }
 
-  // Queues the job and records that; waits for room in the queue.
+  // Queues the job, waiting for room in the queue, and records that. Returns the name of the job.
   std::string Queue(const std::string& request_id) {
     const UnwrapOptions options = files_->Options(arguments_.map.options);
     CallOptions call = Call();
@@ -246,7 +247,7 @@ class BatchJob {
     }
   }
 
-  // `fetched`: the job was queued by an earlier run.
+  // Writes the output and its record. `fetched`: the job was queued by an earlier run.
   void Deliver(UnwrapResult result, bool fetched) {
     for (const OutputFile& file : files_->WriteResult(result, on_image_, context_.stop)) {
       const fs::path place = fs::path(file.path).lexically_relative(arguments_.output.path);
@@ -259,7 +260,7 @@ class BatchJob {
     record_.why = WhyNotUsable(report);
     record_.triangles = report.triangles;
     record_.charts = report.chart_totals.charts;
-    // Excludes the wait for a worker, which the batch causes itself by sending meshes ahead.
+    // Without the wait for a worker, which the batch causes itself by sending meshes in advance.
     const Seconds own = fetched ? WorkTime(report.times) : report.times.total - report.times.queue;
     record_.seconds = std::max(0.0, own.count());
     context_.state.Append(record_);
@@ -375,7 +376,8 @@ BatchEnd NotTried(const BatchItem& item) {
 
 namespace {
 
-// A file in flight is in memory as bytes, as a mesh and as a request: about five times its size in all.
+// Limit of the files in flight together. Each is in memory as bytes, as a mesh and as a request: about five times its
+// size in all.
 constexpr std::int64_t kMostBytesInFlight = std::int64_t{512} << 20;
 constexpr double kLongestPauseSeconds = 5;
 
@@ -405,7 +407,7 @@ void BatchRun::Work() {
   for (;;) {
     std::size_t file;
     {
-      // Threads take files in order, and a thread that waits for room already holds the next file.
+      // Threads take files in order, so a thread takes its file before it waits for room in Enter().
       const std::lock_guard lock(mutex_);
       if (next_ == plan_.items.size() || ShouldStop()) return;
       file = next_++;

@@ -1,4 +1,5 @@
-// The jobs of a batch: one file from its bytes to its output and the record of it, and all of them, several at a time.
+// The jobs of a batch: processes one file from its bytes to its output and its record, and all files, several at a
+// time.
 #pragma once
 
 #include <atomic>
@@ -21,23 +22,24 @@
 
 namespace planish::cli {
 
-// ---- How many files are in flight, that is in memory and with the server
+// ---- How many files are in flight, that is, in memory here and sent to the server
 
-// The limit begins with the server's workers and some more, so that the next mesh is there when a worker becomes free.
-// A job that did not wait raises the limit, except for the first few jobs; a full queue lowers it. Thread-safe.
+// Limits the number of files in flight. The limit begins with the number of the server's workers and some more, so that
+// the next mesh is there when a worker becomes free. A job that did not wait raises the limit, except for the first few
+// jobs; a full queue lowers it. Thread-safe.
 class BatchFlight {
  public:
-  // Files of together more than `most_bytes` are not in flight at a time, unless it is a single one.
+  // `most_bytes`: limit of the bytes of all files in flight. A single file may be larger.
   BatchFlight(int workers, std::int64_t most_bytes);
 
   // Upper bound of the limit, and so of the number of threads needed.
   int most() const { return most_; }
   int limit() const;
 
-  // Waits until there is room for a file of `bytes`; false after Stop().
+  // Waits until there is room for a file of `bytes`, and counts it as in flight. False after Stop().
   bool Enter(std::int64_t bytes);
   void Leave(std::int64_t bytes);
-  // Nobody enters any more.
+  // Ends all waiting in Enter(); from then on it returns false.
   void Stop();
 
   void OnQueueFull();
@@ -51,20 +53,20 @@ class BatchFlight {
   std::condition_variable changed_;
   int limit_;
   int in_flight_ = 0;
-  int first_jobs_;  // that have yet to end: they had the workers for themselves
+  int first_jobs_;  // how many of the first jobs have not ended yet: they find idle workers, and raise no limit
   std::int64_t bytes_ = 0;
   bool stopped_ = false;
 };
 
-// ---- One call for the jobs that several threads have ready at the same time
+// ---- One call for jobs of several threads
 
-// Jobs that come while a call is under way wait and share the next call. Thread-safe.
+// Creates jobs on the server. Jobs that come while a call is under way wait, and share the next call. Thread-safe.
 class BatchQueue {
  public:
-  // `client` outlives the queue.
+  // `client` must outlive the queue.
   explicit BatchQueue(Client* client) : client_(client) {}
 
-  // As Client::CreateJob, but does not wait for room in the server's queue.
+  // Like Client::CreateJob, but does not wait for room in the server's queue.
   Job Create(const NewJob& job);
 
  private:
@@ -75,7 +77,7 @@ class BatchQueue {
     std::exception_ptr failure;  // of the whole call
   };
 
-  // Without the lock.
+  // Must be called without the lock.
   void CreateTogether(const std::vector<Waiting*>& together);
 
   Client* const client_;
@@ -88,7 +90,7 @@ class BatchQueue {
 
 // ---- One file, from its bytes to its output and its record
 
-// What all files share.
+// What all files of the batch share.
 struct BatchContext {
   const UnwrapArguments& arguments;
   BatchState& state;
@@ -104,8 +106,8 @@ struct BatchContext {
 struct BatchEnd {
   BatchRow row;
   Json json;                            // for --json
-  std::optional<Error> server_error;    // there was no server: the file may be tried again
-  std::optional<double> queue_seconds;  // of a job that ran
+  std::optional<Error> server_error;    // set if the server could not be reached: the file may be tried again
+  std::optional<double> queue_seconds;  // how long the job waited for a worker, if it ran now
 };
 
 // Does nothing for a file that is up to date. Otherwise fetches the result of the job that an earlier run has queued,
@@ -114,29 +116,29 @@ struct BatchEnd {
 BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks,
                      const std::function<void(const ImageProgress&)>& on_image);
 
-// Waits; false if the stop came first.
+// Waits; false if a stop was requested before the time was over.
 bool PauseUnlessStopped(const std::stop_token& stop, double seconds);
 
-// The end of a file that was not tried.
+// The result of a file that was not tried.
 BatchEnd NotTried(const BatchItem& item);
 
 // ---- All files, several at a time
 
 struct BatchRunOptions {
   int workers = 1;                     // of the server
-  double server_patience_seconds = 0;  // for a server that went away to come back
+  double server_patience_seconds = 0;  // how long to wait for a server that does not answer
   bool print_json = false;             // a line on stdout per file as it ends
 };
 
 class BatchRun {
  public:
-  // All must outlive the run.
+  // All arguments except `options` must outlive the run.
   BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options, ProgressView& view);
 
-  // A row per item of the plan, in its order. Once.
+  // Returns a row per item of the plan, in the order of the plan. To be called once.
   std::vector<BatchRow> Run();
 
-  // After the run: the server went away and did not come back; the rest of the files was not tried.
+  // After the run: whether the server became unreachable for good, so that the rest of the files was not tried.
   bool server_lost() const { return server_lost_; }
 
  private:

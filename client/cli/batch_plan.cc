@@ -38,7 +38,7 @@ Error Conflict(const std::string& message) {
   return Error(ErrorCode::kInvalidArgument, "BATCH_OUTPUT_CONFLICT", message);
 }
 
-// The canonical path, with symbolic links resolved as far as the path exists.
+// The absolute path, with symbolic links resolved as far as the path exists.
 fs::path Canonical(const fs::path& path) {
   std::error_code error;
   const fs::path canonical = fs::weakly_canonical(path, error);
@@ -90,7 +90,7 @@ class Planner {
       } else if (is_directory && Canonical(path) == output_) {
         ++plan_.skipped["output directory"];
       } else if (is_directory && entry->is_symlink(ignored)) {
-        ++plan_.skipped["link to a directory"];  // which may lead back to where we are
+        ++plan_.skipped["link to a directory"];  // following it might never end
       } else if (is_directory) {
         Walk(path, place / name, files);
       } else if (FormatOfPath(name.string())) {
@@ -192,7 +192,7 @@ std::string PercentDecoded(const std::string& uri) {
   return text;
 }
 
-// The JSON text of a .gltf or .glb file; empty if a .glb is too short to have it.
+// The JSON text of a .gltf or .glb file; empty if a .glb is too short.
 std::string_view GltfText(std::string_view bytes) {
   if (!bytes.starts_with("glTF")) return bytes;
   if (bytes.size() < 20) return "";
@@ -346,7 +346,7 @@ std::optional<BatchRecord> BatchState::Find(const std::string& key) const {
 void BatchState::Append(const BatchRecord& record) {
   const std::lock_guard lock(mutex_);
   const std::string line = (torn_ ? "\n" : "") + ToLine(record) + "\n";
-  // A single write, so that a killed process leaves a whole line or the beginning of one.
+  // A single write, so that a process that is killed leaves a whole line, the beginning of it, or nothing.
   ssize_t written;
   do {
     written = write(file_.get(), line.data(), line.size());

@@ -1,4 +1,4 @@
-// The plan of a batch, digests of its inputs and settings, and the record of earlier runs.
+// The plan of a batch, digests of its inputs and settings, and the record that lets the next run continue.
 #pragma once
 
 #include <cstdint>
@@ -15,26 +15,26 @@ namespace planish::cli {
 
 struct UnwrapArguments;
 
-// ---- What `planish unwrap a.obj b.glb dir/ -o out/` is about to do: decided in full before anything runs.
+// ---- The plan: what `planish unwrap a.obj b.glb dir/ -o out/` will do. It is complete before any job runs.
 //
-// Every file that was named, and every mesh file in a directory that was named, becomes one job and one output. The
-// output of a named file lies in the output directory itself. A file found in a directory keeps its relative path below
-// the output directory.
+// Every file given as an argument, and every mesh file in a directory given as an argument, becomes one job and one
+// output. The output of a file given as an argument lies in the output directory itself. A file found in a directory
+// has the same path below the output directory as below that directory.
 
 struct BatchItem {
-  std::string name;    // place below the directory that was named, or the file's own name: no two are alike
+  std::string name;    // for people: path below the directory given as an argument, or the file's own name
   std::string input;   // path to read
-  std::string key;     // place below the output directory: no two are alike
+  std::string key;     // path below the output directory; different for all items without a problem
   std::string output;  // path to write
   std::int64_t bytes = 0;
   int texcoord = 0;              // BatchFiles::texcoord for a glTF, 0 for others
-  std::optional<Error> problem;  // why it cannot be done, known already: no mesh file, a directory beyond reading
+  std::optional<Error> problem;  // why the item will fail, e.g. it is no mesh file, or a directory cannot be read
 };
 
 struct BatchPlan {
   std::vector<BatchItem> items;  // in the order of the arguments; the files of a directory sorted by their paths
-  // Number of directory entries left out, by kind: ".mtl", "no extension", "hidden", "link to a directory", "output
-  // directory".
+  // Number of directory entries that were skipped, by kind: ".mtl", "without extension", "hidden", "link to a
+  // directory", "output directory".
   std::map<std::string, int> skipped;
 };
 
@@ -46,33 +46,31 @@ struct BatchFiles {
   int texcoord = 0;
 };
 
-// Looks at the inputs. Throws planish::Error: BATCH_OUTPUT_CONFLICT where two files would
-// become one, or an output is an input; BATCH_OUTPUT_UNSUPPORTED where the output is no directory; BATCH_EMPTY where
-// there is nothing to do.
+// Makes the plan. Throws planish::Error: BATCH_OUTPUT_CONFLICT if two outputs would have the same path, or an output is
+// an input; BATCH_OUTPUT_UNSUPPORTED if the output is not a directory; BATCH_EMPTY if there is no mesh file.
 BatchPlan PlanBatch(const BatchFiles& files);
 
-// "Skipped in directories: 12 .mtl, 3 .png, 1 hidden.\n"; empty if nothing was.
+// "Skipped in directories: 12 .mtl, 3 .png, 1 hidden.\n"; empty if nothing was skipped.
 std::string SkippedText(const BatchPlan& plan);
 
 // ---- Digests of what a result depends on: bytes and options
 
-// The SHA-256 in hexadecimal of the file `path` and of the files that it refers to: buffers and images of a glTF,
-// material files and images of an OBJ. Throws planish::Error: FILE_UNREADABLE. A file that it refers to and that cannot
-// be read counts as missing.
+// The SHA-256 in hexadecimal of the file `path` together with the files that it refers to: buffers and images of a
+// glTF, material files and images of an OBJ. A referenced file that cannot be read counts as missing. Throws
+// planish::Error: FILE_UNREADABLE if `path` cannot be read.
 std::string InputDigest(const std::string& path);
 
 // The SHA-256 in hexadecimal of one file's bytes; empty if it cannot be read.
 std::string FileDigest(const std::string& path);
 
-// The SHA-256 in hexadecimal of every option that changes a byte of the output (`threads` does not).
+// The SHA-256 in hexadecimal of all options that change a byte of the output (so not of `threads`).
 std::string SettingsDigest(const UnwrapArguments& arguments);
 
-// ---- The record of a batch, by which the next run continues it
+// ---- The record of a batch, from which the next run continues
 //
-// OUT/.planish-batch.json holds one JSON object per line. A line is appended when the outputs of a file are in place;
-// with
-// --detach before a job is asked for and when it is queued; and when a queued job turns out to have failed. The last
-// line about an output counts. A half line, which a killed run leaves, does not count.
+// OUT/.planish-batch.json has one JSON object per line. A line is appended when the outputs of a file are written; with
+// --detach, before a job is requested and when it is queued; and when a queued job turns out to have failed. The last
+// line about an output counts. An incomplete line, which a killed run leaves, is ignored.
 
 inline constexpr char kBatchStateFile[] = ".planish-batch.json";
 
@@ -83,18 +81,18 @@ struct BatchRecord {
   std::string settings;
   std::string version;  // of planish and planishd: "0.1.0 0.1.0"
 
-  std::string job;         // the job that did it, or
-  bool queued = false;     // that will do it, on
-  std::string server;      // this server
-  std::string request_id;  // with which a job was asked for there, if the answer is not known; else empty
+  std::string job;         // the file's job; empty: none yet
+  bool queued = false;     // the job is queued on `server`, and its result is not fetched yet
+  std::string server;      // address of the server, for a job that is queued or requested
+  std::string request_id;  // of a job that was requested from `server`, while the answer is not known; else empty
 
-  // Only if the file is done.
+  // The members below are only for a file that is done.
   bool usable = false;
-  std::string why;  // it is not usable
+  std::string why;  // why the map is not usable; empty if it is
   std::int64_t triangles = 0;
   int charts = 0;
   double seconds = 0;
-  std::map<std::string, std::string> files;  // by path below the output directory, the SHA-256 of each file written
+  std::map<std::string, std::string> files;  // SHA-256 of each file written, by its path below the output directory
 
   bool IsOf(const BatchRecord& other) const {
     return key == other.key && input == other.input && settings == other.settings && version == other.version;
@@ -108,14 +106,14 @@ std::optional<BatchRecord> ParseRecord(const std::string& line);
 // Thread-safe.
 class BatchState {
  public:
-  // Reads and locks the file in `directory`, or creates it. Throws planish::Error: BATCH_RUNNING if another batch has
-  // it; FILE_UNREADABLE, FILE_UNWRITABLE.
+  // Reads and locks the record in `directory`, or creates it. Throws planish::Error: BATCH_RUNNING if another batch has
+  // locked it; FILE_UNWRITABLE.
   explicit BatchState(const std::string& directory);
 
   std::optional<BatchRecord> Find(const std::string& key) const;
   // Throws FILE_UNWRITABLE.
   void Append(const BatchRecord& record);
-  // Whether every file of the record is there, as it was written.
+  // Whether the record is that of a done file, and its outputs have the same bytes as when they were written.
   bool IsIntact(const BatchRecord& record) const;
 
  private:

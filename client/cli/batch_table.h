@@ -14,11 +14,11 @@ namespace planish::cli {
 
 enum class BatchResult {
   kUsable,
-  kNotUsable,  // written even so
+  kNotUsable,  // the map is not usable, but was written
   kFailed,
   kCancelled,  // by Ctrl-C, or by somebody on the server
-  kQueued,     // --detach: on the server
-  kNotTried,   // the run ended before
+  kQueued,     // with --detach: queued on the server
+  kNotTried,   // the run ended before this file
 };
 // "usable", "not_usable", ...
 const char* ToString(BatchResult result);
@@ -26,15 +26,15 @@ const char* ToString(BatchResult result);
 struct BatchRow {
   std::string name;
   BatchResult result = BatchResult::kNotTried;
-  bool kept = false;  // done by an earlier run
+  bool kept = false;  // the file was done by an earlier run
   std::int64_t triangles = 0;
   int charts = 0;
   double seconds = 0;  // without the wait for a worker
   std::size_t warnings = 0;
-  std::string reason;        // of a failure: "FILE_MALFORMED"; the name of a job that is queued
+  std::string reason;        // of a failure, e.g. "FILE_MALFORMED"; for a queued job: its name
   std::string message;       // a sentence: why it failed or is not usable
-  ExitCode exit_code = kOk;  // as if the file had been the only one
-  Json card;                 // of its page (report_page.h), if there is one
+  ExitCode exit_code = kOk;  // the exit code of a command for this file alone
+  Json card;                 // figures and picture for the contact sheet (report_page.h); null without a page
 };
 
 struct BatchTotals {
@@ -49,15 +49,15 @@ BatchTotals TotalsOf(const std::vector<BatchRow>& rows, double seconds);
 std::string RowLine(const BatchRow& row, const Terminal& terminal);
 
 // A line per file under a heading, and the totals. With more than kMostBatchRows files, only files without a usable map
-// get a line. Names are cut to the terminal's width, if there is one.
+// get a line. On a terminal, names are cut to fit its width.
 inline constexpr std::size_t kMostBatchRows = 100;
 std::string BatchTable(const std::vector<BatchRow>& rows, const BatchTotals& totals, const Terminal& terminal);
 
 // {"summary": {...}}
 Json SummaryJson(const BatchTotals& totals, const BatchPlan& plan, int exit_code);
 
-// 130 if interrupted, 3 if the server went away for good, 2 if every single file is unreadable or asks for what cannot
-// be, 1 if some file failed, was cancelled or is not usable.
+// 130 if interrupted; 3 if the server became unreachable for good; 2 if every file failed with exit code 2 (unreadable,
+// or impossible options); 1 if some file failed, was cancelled or is not usable; otherwise 0.
 int BatchExitCode(const std::vector<BatchRow>& rows, bool interrupted, bool server_lost);
 
 }  // namespace planish::cli

@@ -81,8 +81,8 @@ CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheck
 
 namespace {
 
-constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
-// Texels that a distance may be below the padding asked for, since UV are floats.
+constexpr std::size_t kInText = 5, kInJson = 100;  // most elements that are named
+// How much smaller than the required padding a distance may be, in texels, because UV are floats.
 constexpr double kPaddingSlack = 0.01;
 
 // The chart with the largest stretch; nothing without charts.
@@ -99,7 +99,7 @@ std::string AtLeast(bool limited) {
   return limited ? "at least " : "";
 }
 
-// Ids for people and programs: polygons of the file.
+// Converts triangles to what people and programs know them by: polygons of the file.
 class FileFaces {
  public:
   FileFaces(const MeshInput& input, const CheckedMap& map) : input_(input), map_(map) {}
@@ -120,12 +120,12 @@ class FileFaces {
     return polygons;
   }
 
-  // Faces with one of the bits of `faults`.
+  // The first `most` polygons with a triangle that has one of the bits of `faults`.
   std::vector<std::int64_t> WithFault(std::uint8_t faults, std::size_t most) const {
     return Polygons(TrianglesWithFault(faults), most);
   }
 
-  // Triangles of the file, ascending.
+  // The triangles of the file with one of the bits of `faults`, ascending.
   std::vector<std::int32_t> TrianglesWithFault(std::uint8_t faults) const {
     std::vector<std::int32_t> triangles;
     for (std::size_t f = 0; f < map_.check.faults.size(); ++f) {
@@ -134,7 +134,7 @@ class FileFaces {
     return triangles;
   }
 
-  // " (face 3 (a.obj:12), face 9 (a.obj:40))"
+  // The first few of these polygons with their places in the file: " (face 3 (a.obj:12), face 9 (a.obj:40))".
   std::string Named(const std::vector<std::int64_t>& polygons) const {
     if (polygons.empty()) return "";
     std::string ids;
@@ -169,7 +169,7 @@ std::vector<std::int32_t> MirroredCharts(const CheckedMap& map) {
   return charts;
 }
 
-// "2 charts" or "chart 3, which begins with face 17".
+// "chart 3 (from face 17)"; face 17 is the first face of the chart.
 std::string ChartName(const FileFaces& faces, const CheckedMap& map, std::int32_t chart) {
   return "chart " + std::to_string(chart) + " (from face " +
          std::to_string(faces.Of(map.first_face_of_chart[static_cast<std::size_t>(chart)])) + ")";
@@ -228,7 +228,7 @@ std::vector<RequirementResult> CheckRequirements(const Requirements& wanted, con
   const auto missing = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
   require(Requirement::kUv, missing == 0,
           Counted(missing, "triangle has", "triangles have") + " no UV, or UV at NaN or infinity");
-  // A search that ended early does not prove that there are no overlaps.
+  // A search that ended early does not prove that there are no overlaps, so the requirement is not met.
   require(Requirement::kNoOverlap, check.overlaps.pairs == 0 && !check.overlaps.limited,
           check.overlaps.pairs == 0
               ? "too many triangles lie close together to look at all pairs"

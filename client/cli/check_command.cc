@@ -32,17 +32,17 @@ constexpr char kCheckHelp[] = R"(Examples:
 Requirements: --require takes a comma-separated list of
   uv             every triangle has UV
   no-overlap     no two triangles share a part of the map
-  no-flip        no triangle is turned against the rest of its chart
+  no-flip        no triangle is turned over against the rest of its chart
   no-mirror      no chart is mirrored as a whole
   no-degenerate  no triangle is a line or a point in the map
   in-tile        every triangle lies in one of the tiles
   all            all of these
 
-Needs no server; the UV may come from any tool. Several files are judged one by one; with --json there is a line for
-each then, and a last one {"summary": ...}. Exit codes: 0 every requirement is met, 1 some are not, or a file has no UV,
-2 bad usage or an unreadable file.)";
+Needs no server; the UV may come from any program. Several files are checked one by one; --json then prints a line for
+each and a last line {"summary": ...}. Exit codes: 0 every requirement is met, 1 some are not, or a file has no UV, 2
+bad usage or an unreadable file.)";
 
-// Throws CLI::ValidationError for an unknown word.
+// Adds the requirements of a comma-separated list. Throws CLI::ValidationError for an unknown word.
 void AddRequirements(const std::string& text, std::set<Requirement>* required) {
   std::istringstream list(text);
   for (std::string word; std::getline(list, word, ',');) {
@@ -76,25 +76,25 @@ void SetTexcoord(const std::string& text, CheckArguments* arguments) {
 void AddFlags(CLI::App& app, CheckArguments& arguments) {
   app.footer(kCheckHelp);
   app.add_option("IN", arguments.inputs.first, "Mesh file, as for unwrap")->required()->type_name("");
-  app.add_option("MORE", arguments.inputs.more, "Further files, judged one by one")->type_name("");
+  app.add_option("MORE", arguments.inputs.more, "Further files, checked one by one")->type_name("");
   app.add_option_function<std::string>(
          "--require",
          [&arguments](const std::string& text) { AddRequirements(text, &arguments.requirements.required); },
-         "What must hold, see below [nothing but that there are UV]")
+         "Requirements on the UV, see Requirements below [only that there are UV]")
       ->type_name("LIST");
   app.add_option("--max-stretch", arguments.requirements.max_stretch,
                  "No chart may have a larger root mean square stretch (1: none), 1.001 to 100")
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
   app.add_option("--min-padding", arguments.requirements.min_padding,
-                 "No two charts may be nearer, in texels; a hundredth less is taken for rounding; up to 64")
+                 "No two charts may be nearer than this, in texels, up to 64; 0.01 texels less count as rounding")
       ->check(CLI::Range(0.0, 64.0).description(""))
       ->type_name("TEXELS");
   AddTileSize(app, arguments.texture_size);
   AddTiles(app, arguments.tiles);
   app.add_option_function<std::string>(
          "--texcoord", [&arguments](const std::string& text) { SetTexcoord(text, &arguments); },
-         "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7; all: each that the file has [0]")
+         "Check the UV set TEXCOORD_N of a glTF, N up to 7; all: every set that the file has [0]")
       ->type_name("N|all");
   AddJson(app, arguments.json);
 }

@@ -16,7 +16,7 @@ struct CheckArguments {
   int texture_size = 0;  // 0: the default of MapCheckOptions
   int tiles = 0;
   int texcoord = 0;
-  bool all_texcoords = false;  // every set of UV that a file has, in place of `texcoord`
+  bool all_texcoords = false;  // check every UV set of a file instead of set `texcoord`
   bool json = false;
 };
 

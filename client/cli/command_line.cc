@@ -41,17 +41,17 @@ server, shows the progress of their unwrapping, and writes the texture coordinat
 .B \-\-server
 it starts a private server for the life of the command.
 .PP
-Results go to standard output, what is for people to standard error.
+Results go to standard output; progress, summaries and errors go to standard error.
 )",
           R"(.SH ENVIRONMENT
 .TP
 .B PLANISH_SERVER
-The server, where
+The server, if
 .B \-\-server
-does not name one.
+is not given.
 .TP
 .BR PLANISH_TLS ", " PLANISH_TLS_CA ", " PLANISH_TLS_CERT ", " PLANISH_TLS_KEY ", " PLANISH_TOKEN ", " PLANISH_TOKEN_FILE
-How to reach it safely, and as whom, where flags do not say so.
+Encryption and credentials, if the flags of the same names are not given.
 .TP
 .B PLANISH_CONFIG
 The configuration file; empty: none.
@@ -65,8 +65,8 @@ names, or
 .I $XDG_CONFIG_HOME/planish.toml
 (without that variable
 .IR ~/.config/planish.toml ),
-holds flags that are added to every call which does not have them: names without dashes, for all commands that have such a flag, or
-below the name of a command for that one.
+holds flags that are added to every call which does not have them, under their names without dashes. Flags at the top
+are for all commands that have them; flags in the section of a command are for that command only.
 .PP
 .nf
 server = "farm:7741"
@@ -77,21 +77,21 @@ texture\-size = 2048
 limit = 10
 .fi
 .PP
-Flags go over variables, and variables over the file.
+Flags override variables, and variables override the file.
 .SH FILES
 .TP
 .I ~/.config/planish.toml
 Settings for every call, see CONFIGURATION.
 .TP
 .I OUT/.planish\-batch.json
-What a batch has done, by which the same command goes on where it ended.
+Record of what a batch has done. If the command is repeated, it continues from there.
 .SH EXIT STATUS
 .TP
 .B 0
 A usable map, or whatever else was asked for.
 .TP
 .B 1
-The job failed, or its map is not usable (it is written all the same).
+The job failed, or its map is not usable (it is written nevertheless).
 .TP
 .B 2
 Bad usage, or input that cannot be read.
@@ -100,7 +100,7 @@ Bad usage, or input that cannot be read.
 The server cannot be reached, or its queue is full.
 .TP
 .B 130
-Interrupted. The first Ctrl\-C cancels the job on the server, a second one leaves at once.
+Interrupted. The first Ctrl\-C cancels the job on the server; the second one exits at once.
 .SH SEE ALSO
 .BR planishd (8)
 )"};
@@ -110,21 +110,21 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj             unwrap a mesh; starts a server of its own
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
   planish unwrap face.obj -o uv.obj --server=farm:7741
-  planish unwrap props/ hero.glb -o done/            every mesh in there, a job and an output each
+  planish unwrap props/ hero.glb -o done/            a job and an output for each mesh
   planish unwrap big.obj --detach --server=farm:7741
-  planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fit
-  planish check hero.glb --require=no-overlap        judges its UV, whoever made them
+  planish pack hero.obj -o packed.obj --padding=8    packs its existing UV islands again
+  planish check hero.glb --require=no-overlap        checks its UV, whatever program made them
   planish report before.glb after.glb -o compare.html  a page that shows both maps, opened from disk
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
-3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
+3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second exits at once).)";
 
 // ---- Suggestions
 
-// Letters to add, take away, replace or swap with the next one, to make `b` of `a`.
+// The least number of steps that turn `a` into `b`; a step adds, removes or replaces a letter, or swaps two neighbours.
 std::size_t EditDistance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> cost(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) {
@@ -142,7 +142,8 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
   return cost[a.size()][b.size()];
 }
 
-// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty: none.
+// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty if there is no such
+// name.
 std::string Nearest(const std::string& word, const std::vector<std::string>& names) {
   std::string nearest;
   std::size_t least = word.size() / 3 + 1;
@@ -152,7 +153,7 @@ std::string Nearest(const std::string& word, const std::vector<std::string>& nam
   return nearest;
 }
 
-// "Did you mean unwrap?" for the first command or flag that there is not; empty if nothing is like it.
+// "Did you mean unwrap?" for the first unknown command or flag of the command line; empty if no name is similar.
 std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) {
   const CLI::App* app = &root;
   for (int i = 1; i < argc; ++i) {
@@ -178,7 +179,7 @@ std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) 
 
 // ---- The command line, and the configuration file under it
 
-// To CLI11 "nan" is a number within every range.
+// Makes flags for numbers refuse "nan", which CLI11 accepts as a number within every range.
 void RefuseNan(CLI::App& app) {
   const auto is_number = [](const std::string& text) -> std::string {
     double number = 0;
@@ -194,7 +195,7 @@ void RefuseNan(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands(nullptr)) RefuseNan(*command);
 }
 
-// Arguments of a command, checked.
+// Checks the arguments of a command. Returns them, or the message and exit code of a mistake.
 template <typename CommandArguments>
 ParsedArguments Checked(CommandArguments& arguments) {
   ParsedArguments parsed;
@@ -217,32 +218,31 @@ struct CommandLine {
     AddHelp(app);
     app.require_subcommand(1);
     Add<UnwrapArguments>(app, "unwrap", "Flatten a mesh and write it with UV");
-    Add<PackArguments>(app, "pack", "Pack the UV islands that a mesh has anew, without solving");
-    Add<TransferArguments>(app, "transfer", "Draw the images of a model into the map of another file");
-    Add<CheckArguments>(app, "check", "Judge the UV that a mesh has, from any tool");
+    Add<PackArguments>(app, "pack", "Pack the existing UV islands of a mesh again, without solving");
+    Add<TransferArguments>(app, "transfer", "Redraw the images of a model for the UV of another file");
+    Add<CheckArguments>(app, "check", "Check the UV of a mesh, whatever program made them");
     Add<ReportArguments>(app, "report", "Write a page that shows the UV of a mesh, of two side by side, or of many");
     Add<InspectArguments>(app, "inspect", "Say what a mesh is like and what unwrap would do with it");
-    Add<EstimateArguments>(app, "estimate", "Say what unwrap would need on a server, without doing it");
-    CLI::App& jobs = *app.add_subcommand("jobs", "Look after the jobs of a server");
+    Add<EstimateArguments>(app, "estimate", "Estimate the memory and time of unwrap on a server, without doing it");
+    CLI::App& jobs = *app.add_subcommand("jobs", "List, watch, stop and delete the jobs of a server");
     jobs.require_subcommand(1);
     Add<JobsListArguments>(jobs, "list", "Jobs, newest first");
     Add<JobsShowArguments>(jobs, "show", "One job with its report");
     Add<JobsWatchArguments>(jobs, "watch", "Follow a job to its end; with --mesh and -o, write its UV");
-    Add<JobsStopArguments>(jobs, "stop", "End a job soon, with the best map that it has then");
-    Add<JobsCancelArguments>(jobs, "cancel", "End a job and discard what it has");
-    Add<JobsDeleteArguments>(jobs, "delete", "Forget a job that ended");
+    Add<JobsStopArguments>(jobs, "stop", "End a job soon, with the best map so far");
+    Add<JobsCancelArguments>(jobs, "cancel", "End a job and discard its result");
+    Add<JobsDeleteArguments>(jobs, "delete", "Delete a job that has ended, and its result");
     Add<HealthArguments>(app, "health", "Ask a server by HTTP whether it is ready for jobs");
-    CLI::App& admin = *app.add_subcommand("admin", "Run a server: for callers with the right \"admin\"");
+    CLI::App& admin = *app.add_subcommand("admin", "Administer a running server; needs the right \"admin\"");
     admin.require_subcommand(1);
-    Add<AdminDrainArguments>(admin, "drain",
-                             "Take no new jobs and say so to load balancers; those that were accepted go on");
-    Add<AdminUndrainArguments>(admin, "undrain", "Take new jobs again");
+    Add<AdminDrainArguments>(admin, "drain", "Accept no new jobs, and tell load balancers so; accepted jobs go on");
+    Add<AdminUndrainArguments>(admin, "undrain", "Accept new jobs again");
     Add<AdminStatsArguments>(admin, "stats", "What the server is doing");
     Add<AdminConfigArguments>(admin, "config",
-                              "The settings it runs with, and where they come from, as its configuration file");
+                              "Settings in effect, in the form of a configuration file, with the source of each");
     Add<VersionArguments>(app, "version", "Versions of this command and of the server");
     RefuseNan(app);
-    app.footer(kExamples);  // now, or every command would have it
+    app.footer(kExamples);  // after the commands, which would inherit it
     app.set_version_flag(
         "--version", [] { return std::string("planish ") + Version(); }, "Print the version and exit");
     AddGenerate(app, Version(), ManPage());
@@ -259,7 +259,8 @@ struct CommandLine {
   }
 };
 
-// The file that PLANISH_CONFIG names, or planish.toml in the user's directory for configurations; empty: none.
+// The path of the configuration file: PLANISH_CONFIG if it is set, or else planish.toml in the user's directory for
+// configurations, if the file exists. Empty: none.
 std::string ConfigPath() {
   const auto variable = [](const char* name) -> std::string {
     const char* const value = std::getenv(name);
@@ -300,7 +301,8 @@ bool IsDecided(CLI::Option& option) {
   return std::any_of(others.begin(), others.end(), [](const CLI::Option* other) { return other->count() > 0; });
 }
 
-// The flags that the file adds to a command line that was parsed. Throws CLI::ParseError, with the reason.
+// The flags that the configuration file adds to the command line that `root` has parsed. Throws CLI::ParseError, with
+// the reason, if the file is wrong.
 std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) {
   std::ifstream file(path);
   if (!file) throw CLI::FileError::Missing(path);
@@ -335,7 +337,7 @@ std::vector<std::string> FlagsOfConfig(const std::string& path, CLI::App& root) 
   return own;
 }
 
-// What to print and to exit with for a command line that is over, or wrong.
+// What to print, and the exit code, for a command line that is wrong or only asks for help.
 ParsedArguments Ended(const CommandLine& line, const CLI::ParseError& error, int argc, const char* const* argv) {
   ParsedArguments parsed;
   std::ostringstream out, err;

@@ -1,11 +1,11 @@
-// The command line: which commands there are, and what their flags say.
+// Parses the command line into the arguments of one command.
 //
-// A command is a struct of its arguments and functions over it, in a header of its own:
-//   void AddFlags(CLI::App& app, InspectArguments& arguments);            its flags and the text below them
-//   std::string Check(InspectArguments& arguments);                       what is wrong with its flags together, in
-//                                                                         words; may complete them. May be missing
-//   int Run(const InspectArguments& arguments, Interrupts& interrupts);   its work: returns an exit code, or throws
-//                                                                         planish::Error
+// A command is a struct of its arguments and these functions, in a header of its own:
+//   void AddFlags(CLI::App& app, InspectArguments& arguments);            adds its flags and the text below them
+//   std::string Check(InspectArguments& arguments);                       optional: returns what is wrong with the
+//                                                                         flags together; may complete them
+//   int Run(const InspectArguments& arguments, Interrupts& interrupts);   does its work: returns an exit code, or
+//                                                                         throws planish::Error
 // command_line.cc has the table of names.
 #pragma once
 
@@ -44,8 +44,8 @@ struct ParsedArguments {
 };
 
 // Flags override environment variables, and these override the configuration file: $PLANISH_CONFIG, otherwise
-// planish.toml in $XDG_CONFIG_HOME or ~/.config. It is TOML: the names of flags without dashes, for every command that
-// has such a flag, or in the section of a command for that one ([unwrap], [jobs.list]).
+// planish.toml in $XDG_CONFIG_HOME or ~/.config. The file is TOML with the names of flags, without dashes. Flags at the
+// top are for every command that has them; flags in a section ([unwrap], [jobs.list]) are for that command only.
 ParsedArguments ParseArguments(int argc, const char* const* argv);
 
 }  // namespace planish::cli

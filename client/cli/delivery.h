@@ -1,5 +1,5 @@
-// Shared by unwrap and jobs watch: reads the files of a job, writes its result into them, and reports errors with the
-// ids of the files.
+// Shared by unwrap and jobs watch: reads the mesh files of a job, writes copies of them with the result, and reports
+// errors with the ids of the files.
 #pragma once
 
 #include <functional>
@@ -28,26 +28,26 @@ struct DeliveryArguments {
 
 class Delivery {
  public:
-  // The clock starts. `arguments` must outlive this object.
+  // Starts the clock. `arguments` must outlive this object.
   explicit Delivery(const DeliveryArguments& arguments) : arguments_(arguments) {}
 
   // Reads the files, which become one mesh (UnwrapFiles).
   void Load(const std::vector<std::string>& inputs, const MapArguments& map);
 
   const UnwrapFiles& files() const { return *files_; }
-  // How long it took to start the private server.
+  // Sets how long it took to start the private server.
   void SetStart(double seconds) { start_seconds_ = seconds; }
-  // The rest of --timeout for the server; 0: no limit.
+  // How much of --timeout is left, for the call to the server; 0: no limit.
   Seconds TimeLeft() const;
 
-  // Writes the output files, all or none, shows the images that are drawn in `view`, and ends it. Writes the preview,
-  // calls `draw`, for other pictures, and stops the clock. The first signal stops the drawing of images; then nothing
-  // is written.
+  // Redraws images, showing progress in `view`, writes the output files, all or none, and ends the view. Then writes
+  // the preview, calls `draw`, which draws other pictures, and stops the clock. If the first signal comes while images
+  // are drawn, nothing is written and CANCELLED is thrown.
   void Write(UnwrapResult& result, Interrupts& interrupts, ProgressView& view, const std::function<void()>& draw = {});
   // Prints the summary and the JSON report, and returns the exit code.
   int Tell(const UnwrapResult& result) const;
 
-  // Each prints the error, and returns the exit code.
+  // Both print the error, also as JSON with --json, and return the exit code.
   int Fail(const Error& sent_error) const;
   int Interrupted(const std::string& what_happened, const Error& error) const;
 
@@ -58,7 +58,7 @@ class Delivery {
   std::optional<UnwrapFiles> files_;
 };
 
-// Ends a view of one job.
+// Ends the only job of `view`, and the view.
 void End(ProgressView& view, bool succeeded);
 
 }  // namespace planish::cli

@@ -16,10 +16,11 @@ namespace planish::cli {
 
 void AddFlags(CLI::App& app, EstimateArguments& arguments) {
   app.footer(
-      "Memory while the job runs, run time on one core, time in the queue; rough, from the mesh's counts. Exit codes: "
-      "0 the server\nwould accept the job now, 1 it would not, 2 bad usage or unreadable file, 3 server unreachable.");
+      "Estimates memory while the job runs, run time on one core and time in the queue, from the size of the mesh. "
+      "Exit codes: 0 the\nserver would accept the job now, 1 it would not, 2 bad usage or unreadable file, 3 server "
+      "unreachable.");
   app.add_option("IN", arguments.input, "Mesh file, as for unwrap")->type_name("");
-  app.add_option("--triangles", arguments.triangles, "In place of a file: that many triangles")
+  app.add_option("--triangles", arguments.triangles, "Estimate for a mesh of N triangles instead of a file")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 40).description(""))
       ->type_name("N");
   AddServer(app, arguments.server, "without it a private server is started");

@@ -11,7 +11,7 @@ enum ExitCode : int {
   kOk = 0,                 // a usable result
   kFailed = 1,             // the job failed, or its result is not usable
   kUsage = 2,              // bad usage, unreadable input, or credentials that the server refuses
-  kServerUnreachable = 3,  // no server, or a full queue: try later, or another server
+  kServerUnreachable = 3,  // no server, or a full queue; the user may try later, or another server
   kInterrupted = 130,      // Ctrl-C
 };
 

@@ -22,7 +22,7 @@ inline Json FieldJson(const Field& field, bool value) {
 inline Json FieldJson(const Field&, Seconds value) {
   return value.count();
 }
-// Four digits are enough to draw.
+// Rounds to four digits, which are enough to draw the numbers.
 inline Json FieldJson(const Field&, const std::vector<float>& value) {
   Json json = Json::array();
   for (const float number : value) json.push_back(Json::parse(Significant(number, 4)));

@@ -7,7 +7,8 @@
 #include "client/cli/flags.h"
 #include "planish/error.h"
 
-// Last, and in no other file of the command: it brings macros of <resolv.h> (_res) that Eigen's headers have as names.
+// Included last, and in no other file of the command: it defines macros (_res of <resolv.h>) that are names in Eigen's
+// headers.
 #include <httplib.h>
 
 namespace planish::cli {
@@ -20,9 +21,9 @@ constexpr int kSeconds = 3;
 
 void AddFlags(CLI::App& app, HealthArguments& arguments) {
   app.footer(
-      "For probes, beside planishd --metrics-listen; needs no credentials. /livez in place of /readyz asks whether it "
-      "serves at all.\nExit codes: 0 yes, 1 no, 3 nobody answers.");
-  app.add_option("URL", arguments.url, "What to ask [http://127.0.0.1:9741/readyz]")->type_name("");
+      "For probes of a planishd with --metrics-listen; needs no credentials. The path /readyz asks whether the server "
+      "is ready for jobs,\n/livez whether it is alive. Exit codes: 0 yes, 1 no, 3 no answer.");
+  app.add_option("URL", arguments.url, "URL to ask [http://127.0.0.1:9741/readyz]")->type_name("");
 }
 
 std::string Check(HealthArguments& arguments) {
@@ -32,7 +33,7 @@ std::string Check(HealthArguments& arguments) {
 }
 
 int Run(const HealthArguments& arguments, Interrupts& /*interrupts*/) {
-  const std::string& url = arguments.url;  // "http://HOST:PORT/PATH", as checked
+  const std::string& url = arguments.url;  // "http://HOST:PORT/PATH", as Check() requires
   const std::size_t path = url.find('/', std::string("http://").size());
   httplib::Client client(url.substr(0, path));
   client.set_connection_timeout(kSeconds);

@@ -1,4 +1,4 @@
-// Images drawn by commands that ask no server.
+// Redraws images for commands that need no server.
 #pragma once
 
 #include <atomic>
@@ -13,12 +13,12 @@
 
 namespace planish::cli {
 
-// Does `work`, which draws the images of `outputs`, shows each of them on the way, and ends with CANCELLED when the
-// first signal comes. `name`: of the file that is worked on. Throws what `work` throws.
+// Calls work(outputs), which redraws images, and shows the progress, an image at a time. The first signal stops the
+// drawing; then throws CANCELLED. `name`: the file being processed, shown with the progress. Throws what `work` throws.
 void DrawImages(const TerminalArguments& terminal, const std::string& name, Interrupts& interrupts,
                 std::vector<OutputOptions> outputs, const std::function<void(const std::vector<OutputOptions>&)>& work);
 
-// Ends a command that was interrupted before it wrote anything: prints that, and returns the exit code.
+// For a command that was interrupted before it wrote anything: prints that, and returns the exit code.
 int Interrupted(bool json, const Error& error, double seconds);
 
 }  // namespace planish::cli

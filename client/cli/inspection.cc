@@ -14,7 +14,7 @@
 namespace planish::cli {
 namespace {
 
-// The triangles and all vertices of the file, with positions rounded to float, as in an upload.
+// The triangles and all vertices of the file, with positions rounded to float, as they are sent to a server.
 Mesh AsSent(const MeshInput& input) {
   const Triangulation& triangles = input.triangulation();
   Mesh mesh;
@@ -37,7 +37,7 @@ std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std
   return polygons;
 }
 
-// Collects findings in the order of the output.
+// Collects findings, in the order in which they are printed.
 class Findings {
  public:
   explicit Findings(const MeshInput& input) : input_(input) {}
@@ -121,7 +121,7 @@ std::vector<std::string> PlanFor(const Diagnosis& d) {
   return plan;
 }
 
-// A position of a face that a float cannot hold: unwrap refuses to send it.
+// The error with which unwrap refuses to send a mesh with a position that does not fit a float; nothing if all fit.
 std::optional<Error> RefusalToSend(const MeshInput& input) {
   const std::vector<Vec3>& positions = input.file().mesh.positions;
   for (const std::int32_t v : input.triangulation().source_vertex) {
@@ -134,7 +134,7 @@ std::optional<Error> RefusalToSend(const MeshInput& input) {
   return std::nullopt;
 }
 
-// Translates faces to the file's ids. Vertices have the file's ids already.
+// Converts triangles to the file's faces. Vertices have the file's ids already.
 ids::Renumbering FacesToFile(const MeshInput& input) {
   ids::Renumbering renumbering;
   renumbering.face = [&input](std::int64_t face) -> std::int64_t {
@@ -154,7 +154,7 @@ std::string ShapeOf(const Component& component) {
   return loops + ", genus " + WithCommas(component.handles);
 }
 
-// The largest first.
+// Sorts components by their number of triangles, the largest first.
 std::vector<Component> BySize(std::vector<Component> components) {
   std::stable_sort(components.begin(), components.end(),
                    [](const Component& a, const Component& b) { return a.faces > b.faces; });
@@ -168,7 +168,7 @@ std::string Names(const std::vector<std::string>& names) {
   return names.size() > kMaxNames ? text + ", ..." : text;
 }
 
-// Lines beside a heading in the margin.
+// `lines`, with `heading` in a margin to the left of the first line.
 std::string Paragraph(const std::string& heading, const std::vector<std::string>& lines) {
   constexpr std::size_t kMargin = 11;
   std::string text;

@@ -1,4 +1,4 @@
-// What `planish inspect` has to say about a mesh file.
+// Examines a mesh file for `planish inspect`.
 #pragma once
 
 #include <array>
@@ -13,8 +13,8 @@
 
 namespace planish::cli {
 
-// Elements of one kind that a person may want to know of. Ids are 0-based, as the file counts its polygons and
-// vertices; the first few only.
+// Unusual elements of one kind, such as triangles without area. The lists have the ids of the first few: 0-based, as
+// the file counts its polygons and vertices.
 struct Finding {
   std::string name;  // key in the JSON: the name of the list in core/mesh/diagnosis.h
   std::string text;  // "3 triangles have no area"
@@ -31,22 +31,22 @@ struct Inspection {
   Diagnosis diagnosis;
   std::int64_t polygons = 0;
   std::int64_t uv_islands = 0;
-  std::int64_t uv_seams = 0;  // edges between UV islands, and within one
+  std::int64_t uv_seams = 0;  // edges whose UV differ on both sides, between two UV islands or within one
   std::vector<std::string> materials;
   std::vector<std::string> groups;
   std::vector<Finding> findings;  // one for every kind, even if its count is 0
-  // Why unwrap takes no such mesh, in the file's ids; nothing if it does.
+  // Why unwrap would refuse the mesh, in the file's ids; nothing if unwrap would take it.
   std::optional<Error> refusal;
-  // What unwrap does with default options, a phrase each: "adds seams to open 1 closed component".
+  // What unwrap would do with default options, in phrases such as "adds seams that open 1 closed component".
   std::vector<std::string> plan;
   // Why --seams=none would refuse the mesh, in the file's ids; nothing if it is a disc.
   std::optional<Error> not_a_disc;
 };
 
-// Throws planish::Error for a mesh too large to be looked at.
+// Examines `input`, one file. Throws planish::Error if the mesh is too large.
 Inspection Inspect(const MeshInput& input);
 
-// For people: a few dozen lines at most for any mesh.
+// The text for people: a few dozen lines at most for any mesh.
 std::string InspectionText(const MeshInput& input, const Inspection& inspection);
 
 // For programs; the fields are described in client/JSON.md.

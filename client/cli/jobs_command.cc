@@ -42,17 +42,18 @@ void AddFlags(CLI::App& app, JobsListArguments& arguments) {
   AddServer(app, arguments.server, "required here");
   AddJson(app, arguments.json);
   AddTerminal(app, arguments.terminal);
-  app.add_option("--limit", arguments.limit, "At most so many; 0: all [50]")
+  app.add_option("--limit", arguments.limit, "Most jobs to list; 0: all [50]")
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
       ->type_name("N");
   AddLabels(app, arguments.labels, "Only jobs with this label; VALUE may end in *; may be repeated");
   app.add_option("--filter", arguments.filter,
-                 "Only jobs that this is true of, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
+                 "Only jobs that match this filter, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
                  "API.md")
       ->type_name("TEXT");
   Choices<JobState>{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
                      JobState::kFailed, JobState::kCancelled, JobState::kExpired}}
-      .AddTo(app, "--state", arguments.state, "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED only")
+      .AddTo(app, "--state", arguments.state,
+             "Only jobs in this state: QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED")
       ->type_name("STATE");
 }
 
@@ -148,7 +149,7 @@ std::string FilterOf(const JobsListArguments& arguments) {
   return filter;
 }
 
-// What most jobs do not have.
+// Prints properties of a job that differ from the default, and its memory and expiry.
 void PrintScheduling(const Job& job) {
   const Scheduling& scheduling = job.scheduling;
   if (scheduling.priority != Priority::kNormal) std::cout << "priority " << ToString(scheduling.priority) << "\n";
@@ -190,7 +191,7 @@ void PrintJob(const Job& job) {
   std::cout << std::flush;
 }
 
-// The answer of stop and cancel.
+// Prints the answer of stop and cancel.
 void Print(const Job& job, bool json) {
   if (json) {
     std::cout << ToText(ToJson(job)) << std::flush;

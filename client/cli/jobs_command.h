@@ -14,7 +14,7 @@ class Interrupts;
 struct JobsListArguments {
   int limit = 50;                             // 0: all
   std::map<std::string, std::string> labels;  // that a job must have; a value may end in "*"
-  std::string filter;                         // planish.v1.ListJobsRequest.filter, beside `labels` and `state`
+  std::string filter;                         // a further condition, as in planish.v1.ListJobsRequest.filter
   std::optional<JobState> state;
   ServerArguments server;
   bool json = false;
@@ -50,9 +50,9 @@ int Run(const JobsStopArguments& arguments, Interrupts& interrupts);
 int Run(const JobsCancelArguments& arguments, Interrupts& interrupts);
 int Run(const JobsDeleteArguments& arguments, Interrupts& interrupts);
 
-// What every command about one job has: JOB, and the server, which is required.
+// Adds the argument JOB of commands about one job.
 void AddJob(CLI::App& app, std::string& job);
-// Adds "jobs/" where it was left out, and asks for a server.
+// Adds "jobs/" to the name if it was left out. Returns a message if no server was given, otherwise an empty string.
 std::string CheckJob(std::string& job, const ServerArguments& server);
 
 }  // namespace planish::cli

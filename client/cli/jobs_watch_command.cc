@@ -25,7 +25,7 @@ void AddFlags(CLI::App& app, JobsWatchArguments& arguments) {
   AddTexcoord(app, arguments.texcoord);
   AddOutputTexcoord(app, arguments.output.texcoord);
   AddTextures(app, arguments.output.textures);
-  AddTimeout(app, arguments.timeout_seconds, "Stop watching after so long; the job goes on");
+  AddTimeout(app, arguments.timeout_seconds, "Stop watching after SECONDS; the job goes on");
   AddTerminal(app, arguments.terminal);
   AddProgress(app, arguments.terminal);
 }
@@ -58,7 +58,7 @@ int Run(const JobsWatchArguments& arguments, Interrupts& interrupts) {
     view = NewProgressView(arguments.terminal, {arguments.job}, /*is_batch=*/false);
     if (arguments.terminal.verbose) view->Say(Printable(server.Description(), true));
     view->Begin(0);
-    // The job is not ours to cancel.
+    // The first signal only ends watching: the job belongs to another command, so it is not cancelled.
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
     CallOptions call;
     call.stop = stop.get_token();

@@ -39,7 +39,7 @@ int RunCommand(const CommandArguments& arguments) {
 int main(int argc, char** argv) {
   // Returns the memory of images and mipmaps to the system when they are freed.
   mallopt(M_MMAP_THRESHOLD, 4 << 20);
-  // gRPC would log what the command says in its own words.
+  // Without this, gRPC would log errors that the command reports itself.
   setenv("GRPC_VERBOSITY", "NONE", 0);
   const planish::cli::ParsedArguments parsed = planish::cli::ParseArguments(argc, argv);
   std::cout << parsed.out << std::flush;

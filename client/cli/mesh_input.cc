@@ -40,7 +40,7 @@ namespace {
 
 constexpr std::size_t kMaxPlaces = 4;
 
-// The part that `id` belongs to: the last one that begins at `id` or before.
+// The part that `id` belongs to: the last part whose `first` is at most `id`.
 template <typename Part>
 const Part& PartOf(const std::vector<Part>& parts, std::int64_t Part::*first, std::int64_t id) {
   const auto behind = std::upper_bound(parts.begin() + 1, parts.end(), id,
@@ -208,7 +208,7 @@ std::vector<std::array<double, 3>> MeshInput::MaterialColors() const {
 
 namespace {
 
-// The parts of a file that get atlases of their own: the part of each polygon, and the names of parts.
+// The parts of a file that get atlases of their own. `of_polygon` is null if the whole file is one part.
 struct FileParts {
   const std::vector<std::int32_t>* of_polygon = nullptr;
   const std::vector<std::string>* names = nullptr;
@@ -348,7 +348,7 @@ std::string Places(const std::map<std::string, std::string>& metadata, const Mes
     if (key != "vertex" && key != "vertices" && !(is_edge && count == 0)) continue;
     for (const std::int64_t id : ids::IdsIn(value)) add("vertex", id);
   }
-  // The server too names only the first few, so the number of the others is not known.
+  // Also the server names only the first few elements, so the number of further ones is not known.
   return count > kMaxPlaces ? text + ", ..." : text;
 }
 
@@ -442,7 +442,7 @@ std::vector<OutputOptions> MeshInput::WithTextureSize(std::vector<OutputOptions>
   for (std::size_t p = 0; p < outputs.size(); ++p) {
     TextureOptions& textures = outputs[p].textures;
     textures.size = size;
-    // Leaves one texel between charts.
+    // A smaller image would have less than one texel between charts.
     textures.least_size = std::max(1, atlas_size / std::max(1, padding));
     if (atlas_of_face.empty()) continue;
     const std::vector<std::int64_t>& polygons = parts_[p].triangulation.source_polygon;

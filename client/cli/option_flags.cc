@@ -13,7 +13,7 @@
 namespace planish::cli {
 namespace {
 
-// "Texels per side of a tile, 16 to 65536 [1024]"
+// The help text of a flag with range and default: "Texels per side of a tile, 16 to 65536 [1024]".
 std::string HelpOf(const Field& field) {
   std::string help = field.help;
   std::string max = Significant(field.max, 6);
@@ -22,7 +22,7 @@ std::string HelpOf(const Field& field) {
   return help + " [" + field.unset + "]";
 }
 
-// The flag of a field whose value is one of `field.choices`; set(i) takes number i of them.
+// Adds the flag of a field whose value is one of `field.choices`. Parsing choice i calls set(i).
 void AddChoice(CLI::App& app, const Field& field, const std::function<void(std::size_t)>& set) {
   std::vector<std::string> shown = field.choices;  // the default first
   std::stable_partition(shown.begin(), shown.end(), [&](const std::string& name) { return name == field.unset; });

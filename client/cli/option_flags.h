@@ -1,4 +1,4 @@
-// The flags of UnwrapOptions, as proto/planish/v1/about.proto describes them at the fields.
+// The flags of UnwrapOptions, made from the annotations of the fields (proto/planish/v1/about.proto).
 #pragma once
 
 #include <string>
@@ -9,9 +9,10 @@
 
 namespace planish::cli {
 
-// Adds the flags of a group of the help to the present group of `app`. `options` must outlive the parsing.
+// Adds the flags with About.group = `group` to the present group of `app`'s help. Parsing sets `options`, which must
+// outlive it.
 void AddOptionsOfGroup(CLI::App& app, UnwrapOptions& options, const std::string& group);
-// Adds the flags of these fields.
+// Adds the flags of the fields with these names.
 void AddOptions(CLI::App& app, UnwrapOptions& options, const std::vector<std::string>& names);
 
 }  // namespace planish::cli

@@ -25,16 +25,16 @@ namespace planish::cli {
 
 void AddFlags(CLI::App& app, PackArguments& arguments) {
   app.footer(
-      "Needs no server. Islands are moved, turned and scaled as they are: mirrored ones stay mirrored, and what "
-      "overlaps inside one\nstays so. Exit codes: 0 packed, 1 the file lacks UV or they cannot be packed, 2 bad usage "
-      "or "
-      "unreadable file.");
+      "Needs no server. Islands are only moved, rotated and scaled: mirrored islands stay mirrored, and overlaps "
+      "within an island\nremain. Exit codes: 0 packed, 1 the file has no UV, or its islands cannot be packed, 2 bad "
+      "usage or unreadable file.");
   app.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
   AddOutput(app, arguments.output.path, /*takes_batch=*/false);
   AddOptions(app, arguments.options, {"texture_size", "texels_per_unit", "padding", "effort", "tiles"});
   app.add_option_function<std::string>(
          "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
-         "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
+         "equal: the same texel density on the surface for every island; keep: islands keep their sizes relative to "
+         "each other")
       ->check(CLI::IsMember({"equal", "keep"}).description(""))
       ->type_name("equal|keep");
   AddWeights(app, arguments.material_weights, "islands");
@@ -74,7 +74,8 @@ namespace {
 
 constexpr std::size_t kMaxNamedFaces = 8;
 
-// "9 faces have no UV": throws if any triangle is `at_fault`, with the file's faces, each once.
+// Throws an error such as "9 faces have no UV" if at_fault(t) is true for any triangle t. The error counts and names
+// the file's faces, each once. `one` and `many`: the words after "1 face" and "9 faces".
 void RefuseFaces(const MeshInput& input, const std::string& reason, const std::string& one, const std::string& many,
                  const std::function<bool(std::size_t)>& at_fault) {
   std::int64_t count = 0, last = -1;
@@ -90,7 +91,7 @@ void RefuseFaces(const MeshInput& input, const std::string& reason, const std::s
               {{count == 1 ? "face" : "faces", ids}});
 }
 
-// Throws if there are no islands to pack.
+// Throws if some faces have no finite UV and positions, or if there are no faces.
 void CheckUv(const MeshInput& input, const PackArguments& arguments) {
   const Mesh& mesh = input.mesh();
   if (mesh.faces.empty()) {

@@ -17,7 +17,7 @@ struct PackArguments {
   OutputArguments output;
   UnwrapOptions options;                           // only the options of the atlas
   bool keep_density = false;                       // islands keep their sizes relative to each other
-  std::map<std::string, double> material_weights;  // times the texels per length, in [0.01, 100]
+  std::map<std::string, double> material_weights;  // factor of the texel density by material, in [0.01, 100]
   bool json = false;
   TerminalArguments terminal;
 };

@@ -12,25 +12,30 @@ namespace {
 // Fitted to the times of 22 meshes of 250 to 100,000 triangles on two busy cores (client/README.md, "What the bar
 // shows").
 struct Weights {
-  double cut = 2e-6;     // seconds a byte of the mesh
-  double solve = 4e-6;   // seconds a byte
-  double cuts = 0.65;    // times what came before the first solve: all solves
-  double pack = 0.1;     // seconds, and
-  double chart = 1e-3;   // seconds a chart, up to all that came before, and
-  double packs = 0.35;   // times all that came before
-  double verify = 0.03;  // times all that came before
+  // Everything before the first solve: seconds per byte of the mesh.
+  double cut = 2e-6;
+  // All solves: seconds per byte of the mesh; once the first solve has begun, a fraction of the time before it.
+  double solve = 4e-6;
+  double cuts = 0.65;
+  // Packing: seconds, plus seconds per chart (at most the time before packing), plus a fraction of the time before it.
+  double pack = 0.1;
+  double chart = 1e-3;
+  double packs = 0.35;
+  // The verifier: a fraction of the time before it.
+  double verify = 0.03;
 };
-// Other policies do not cut for stretch.
+// kCutting is for Seams::kAuto, kGiven for the other policies, which do not cut for stretch.
 constexpr Weights kCutting = {}, kGiven = {0.35e-6, 1.3e-6, 4, 0, 0, 0.15, 0.1};
 
-constexpr double kStart = 0.01;          // seconds, of a worker
-constexpr double kBestPackSeconds = 40;  // from 5 charts on 10 to 60
-// Time of all rounds of solves and cuts, in units of the first round; and the time left after a round, in units of that
-// round.
+constexpr double kStart = 0.01;          // seconds until a worker begins to compute
+constexpr double kBestPackSeconds = 40;  // an average: Effort::kBest takes 10 to 60 s from 5 charts on
+// A round is a series of solves up to the next cuts. kRounds: time of all rounds, divided by the time of the first.
+// kMoreRounds: time that is left after a round, divided by the time of that round.
 constexpr double kRounds = 3.5, kMoreRounds = 2;
-// Time left of a phase that takes longer than expected, as a fraction of the expected time.
+// The time left of a phase is never estimated below this fraction of its expected time.
 constexpr double kLeast = 0.15;
-// Newton's method squares residuals, so their logarithm falls ever faster. This power makes the steps about equal.
+// Newton's method squares residuals, so the fraction of the way to the tolerance, on a logarithmic scale, grows ever
+// faster. This power of the fraction grows about evenly.
 constexpr double kNewtonPower = 0.33;
 
 const Weights& WeightsOf(const UnwrapOptions& options) {
@@ -66,8 +71,8 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
     solve_seconds_ = WeightsOf(options_).cuts * now;
     round_began_ = now;
   }
-  // A round ends with cuts or joins, which the server reports as the stage of charts again. After delivery charts may
-  // be cut once more.
+  // The phase never goes back, although the stage may: a round of solves ends with cuts or joins, which the server
+  // reports as stage CHARTS again.
   for (; phase_ < phase; ++phase_) begin_[phase_ + 1] = now;
   if (phase_ == kSolve && progress.stage == Stage::kCharts && stage_ != Stage::kCharts) {
     const double round = now - round_began_;
@@ -83,7 +88,7 @@ void WorkEstimate::OnProgress(const Progress& progress, double chart_part) {
 double WorkEstimate::PackSeconds(double seconds) const {
   const Weights& weights = WeightsOf(options_);
   if (!options_.pack || options_.seams == Seams::kNone) return 0;
-  // The limits of the server.
+  // These formulas follow the server's own limits for packing.
   const double normal = weights.packs * seconds;
   if (options_.effort == Effort::kBest) return std::max(kBestPackSeconds, 100 * normal);
   return weights.pack + std::min(weights.chart * charts_, seconds) +
@@ -98,10 +103,10 @@ double WorkEstimate::Fraction(double seconds) const {
   if (seconds <= 0) return 0;
   const Weights& weights = WeightsOf(options_);
   const double spent = std::max(0.0, seconds - begin_[phase_]);
-  double all = 0;  // up to the end of the phase
+  double all = 0;  // expected time up to the end of the present phase
   switch (phase_) {
     case kCut:
-      // From a tenth on, the fraction of the stage is a better estimate than the size of the mesh.
+      // Once a tenth of the stage is done, its fraction gives a better estimate than the size of the mesh.
       if (charts_part_ > 0.1) {
         const double cut = charts_began_ + (charts_told_ - charts_began_) / charts_part_;
         all = std::max(cut, seconds) * (1 + weights.cuts);
@@ -110,7 +115,7 @@ double WorkEstimate::Fraction(double seconds) const {
       }
       break;
     case kSolve:
-      // From a tenth on, the chart's residual is a better estimate.
+      // Once a tenth of the only chart's solve is done, its residual gives a better estimate.
       all = seconds + (single_chart_part_ > 0.1 ? spent * (1 / single_chart_part_ - 1) : Left(solve_seconds_, spent));
       break;
     case kPack:
@@ -276,7 +281,7 @@ std::string Bar(const JobProgress& progress, const Terminal& terminal, int width
 
 struct Piece {
   std::string text;
-  int rank;  // pieces of the highest rank go first when space is short
+  int rank;  // when space is short, pieces of the highest rank are left out first
 };
 
 std::string TotalsLine(const ProgressState& state, std::size_t hidden) {
@@ -324,7 +329,7 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
       {Mark(progress, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(progress), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
-  // At the end the summary describes the result, and the details of the last chart are left out.
+  // Once the job has succeeded, the details of the last chart are left out, because the summary describes the result.
   if (!progress.residuals.empty() && !progress.has_succeeded && progress.image.empty()) {
     std::string residual = Scientific(progress.residuals.back());
     if (progress.tolerance > 0) {
@@ -369,7 +374,7 @@ std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int
 }
 
 std::vector<std::string> RenderBatch(const ProgressState& state, const Terminal& terminal, int frame) {
-  // One row for the totals and one for the cursor. Rows that scroll off the top cannot be repainted.
+  // Two rows are reserved for the totals and the cursor. Rows that scroll off the top cannot be repainted.
   const auto room = static_cast<std::size_t>(std::max(0, terminal.height - 2));
   const std::size_t shown = std::min(room, state.jobs.size());
   const int width = terminal.width - 1;

@@ -28,7 +28,7 @@ class NoView : public ProgressView {
   void Say(const std::string& line) override { std::cerr << line + "\n" << std::flush; }
 };
 
-// A job in progress, and the time since its begin.
+// A job in progress, and the time since Begin().
 struct Running {
   Timer timer;
   JobProgress progress;
@@ -39,7 +39,7 @@ struct Running {
   }
 };
 
-// Paints from its own thread, and updates the clock between events.
+// Repaints the bars from a thread of its own, so that the clock goes on between events.
 class BarsView : public ProgressView {
  public:
   BarsView(const std::vector<std::string>& names, bool is_batch) : ProgressView(names, is_batch) {
@@ -86,7 +86,7 @@ class BarsView : public ProgressView {
     const Terminal terminal = StderrTerminal();
     const bool usable = row.result == BatchResult::kUsable;
     if (is_batch_) {
-      // Of a resumed batch, only files that were done in this run get a line.
+      // Usable files that an earlier run has done get no line.
       if (row.result != BatchResult::kNotTried && !(row.kept && usable)) ended_.push_back(RowLine(row, terminal));
     } else if (usable) {
       JobProgress& progress = running_[job].progress;
@@ -156,14 +156,14 @@ class BarsView : public ProgressView {
   std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
   bool stopped_ = false;
-  std::map<std::size_t, Running> running_;  // by number: the order of the plan
-  std::vector<std::string> ended_;          // lines that are not painted yet
-  ProgressState state_;                     // without its jobs
-  std::vector<std::string> painted_;        // the live lines as they stand
+  std::map<std::size_t, Running> running_;  // by index in names_
+  std::vector<std::string> ended_;          // permanent lines that are not painted yet
+  ProgressState state_;                     // everything but `jobs`
+  std::vector<std::string> painted_;        // the live lines on the terminal
   std::thread painter_;
 };
 
-// A line per change of state, stage and Newton iteration where `every_step`, and one per file of a batch that ended.
+// Prints a line per file of a batch that ended and, with `every_step`, per change of state, stage and Newton iteration.
 class LinesView : public ProgressView {
  public:
   LinesView(const std::vector<std::string>& names, bool is_batch, bool every_step)
@@ -202,11 +202,10 @@ class LinesView : public ProgressView {
   std::vector<LastLine> said_;
 };
 
-// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}, and per image that is drawn: {"image":
-// {"name", "number", "count"}}; {"note"} is about the whole command,
-// and
-// --verbose has more of them. In a batch "file" comes first, and there are notices, {"file", "notice"}, and ends,
-// {"file", "result"}.
+// Prints a JSON object per event, {"sequence", "time", "skipped", "job" or "progress", "fraction"}; per image that is
+// drawn, {"image": {"name", "number", "count"}}; and per message about the whole command, {"note"} (more of them with
+// --verbose). In a batch "file" comes first, and there are also notices, {"file", "notice"}, and ends of jobs, {"file",
+// "result"}.
 class JsonView : public ProgressView {
  public:
   using ProgressView::ProgressView;
@@ -265,7 +264,7 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
     OnNotice(job, why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   if (!verbose) return callbacks;
-  // Under `jobs watch` the view's name is the job's name, which is not repeated.
+  // With jobs watch the name in the view is the job's name, which is not printed twice.
   const auto say = [this, job](const std::string& text) {
     const bool is_named = text.rfind(names_[job] + ",", 0) == 0;
     Say(Printable(is_named ? text : names_[job] + ": " + text, true));

@@ -1,4 +1,4 @@
-// Where the progress of jobs is shown: of one, or of the files of a batch.
+// Shows the progress of one job, or of the jobs of a batch, on stderr.
 #pragma once
 
 #include <cstddef>
@@ -15,28 +15,27 @@
 
 namespace planish::cli {
 
-// Jobs are told apart by the numbers of their names. Every function may be called from any thread, also several at a
-// time.
+// A job is known by its index in `names`. All functions are thread-safe.
 class ProgressView {
  public:
-  // `names`: the files, or the job, being worked on.
+  // `names`: the names of the jobs' files or, for jobs watch, of the job.
   ProgressView(std::vector<std::string> names, bool is_batch) : names_(std::move(names)), is_batch_(is_batch) {}
   virtual ~ProgressView() = default;
-  // A job is taken up; its End comes later. OnEvent, OnDownload and OnNotice are about jobs in between.
+  // Work on a job begins. Functions about this job are called only between Begin() and End().
   virtual void Begin(std::size_t /*job*/) {}
   virtual void OnEvent(std::size_t /*job*/, const Event& /*event*/) {}
   virtual void OnDownload(std::size_t /*job*/, std::int64_t /*received*/, std::int64_t /*total*/) {}
-  // An image of the job's result is drawn next.
+  // Drawing of an image of the job's result begins.
   virtual void OnImage(std::size_t /*job*/, const ImageProgress& /*progress*/) {}
-  // Something people should know until the next event of the job.
+  // Shows a notice about the job until its next event.
   virtual void OnNotice(std::size_t /*job*/, const std::string& /*notice*/) {}
-  // Something people should know about the whole batch until its end.
+  // Shows a notice about the whole batch until its end.
   virtual void OnNotice(const std::string& /*notice*/) {}
-  // A line that stays, for --verbose: without line break, and printable.
+  // Prints a line that stays, for --verbose. It must be printable and without line break.
   virtual void Say(const std::string& /*line*/) {}
-  // For a single job, only the row's result is used.
+  // Work on a job has ended. If there is only one job, only the row's result is used.
   virtual void End(std::size_t /*job*/, const BatchRow& /*row*/) {}
-  // No more of it. Leaves stderr at the beginning of a line.
+  // Ends the view. Leaves stderr at the beginning of a line.
   virtual void Finish() {}
 
   // Callbacks that update this view, which must outlive the call. With `verbose` they also report the size sent and the
@@ -48,9 +47,9 @@ class ProgressView {
   const bool is_batch_;
 };
 
-// ProgressMode::kAuto becomes a bar for each job on a terminal. Elsewhere a batch shows a line for each file that ended
-// and a single job nothing (a build farm's log gets the summary only) or, on a dumb terminal, lines; with --verbose
-// both show all lines.
+// The view for --progress. ProgressMode::kAuto is a bar for each job on a terminal. Elsewhere it is a line for each
+// file of a batch that ended, and for a single job nothing (so that a log has the summary only) or, on a dumb terminal,
+// the lines of kPlain. With --verbose it is the lines of kPlain in both cases.
 std::unique_ptr<ProgressView> NewProgressView(const TerminalArguments& terminal, const std::vector<std::string>& names,
                                               bool is_batch);
 

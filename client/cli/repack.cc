@@ -16,12 +16,13 @@
 namespace planish::cli {
 namespace {
 
-// Below this fraction of the squared extent of an island, its area in the map may be rounding error.
+// An island whose area in the map is below this fraction of its squared extent counts as having no area: the rest may
+// be rounding error.
 constexpr double kNoArea = 1e-6;
-// An island smaller than kPoint in the map counts as a point. It is packed as a square of side kSquareSide, which the
-// packer enlarges to a texel.
+// An island whose extent in the map, times its density, is below kPoint counts as a point. It is packed as a square of
+// side kSquareSide, which the packer enlarges to a texel.
 constexpr double kSquareSide = 1e-6, kPoint = 1e-9;
-// Size of an island that is a point on the surface, as a fraction of the size of the whole surface.
+// The size that an island gets if it is a point on the surface, as a fraction of the size of the whole surface.
 constexpr double kPointSize = 1e-6;
 
 Vec2 At(const std::vector<double>& uv, std::size_t corner) {
@@ -36,7 +37,7 @@ double SurfaceArea(const Mesh& mesh, std::size_t f) {
 
 // Sizes of an island on the surface and in the map.
 struct Extent {
-  double surface_area = 0, surface_length = 0;  // lengths: the sum of all edges
+  double surface_area = 0, surface_length = 0;  // a length is the sum of the lengths of all edges of all triangles
   double map_area = 0, map_length = 0, signed_map_area = 0;
   Eigen::AlignedBox2d box;
 
@@ -99,8 +100,8 @@ std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, cons
   return means;
 }
 
-// The islands, relative to their lower left corners, and for each corner of the mesh its index among the positions of
-// its island.
+// The islands as charts, with positions relative to the island's lower left corner; and, for each corner of the mesh,
+// the index of its position in its chart.
 struct Charts {
   std::vector<PackChart> charts;
   std::vector<std::int32_t> position_of_corner;
@@ -115,7 +116,7 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     faces[islands.island_of_face[f]].push_back(static_cast<std::int32_t>(f));
   }
-  // Islands may touch in a place, so each island numbers its places separately.
+  // Two islands may touch at a place, so each island numbers its places separately.
   std::vector<std::int32_t> number(islands.num_places), island_of_number(islands.num_places, -1);
   for (std::int32_t i = 0; i < islands.count; ++i) {
     PackChart& chart = result.charts[i];
@@ -136,8 +137,9 @@ Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslan
   return result;
 }
 
-// Packs a small square in place of an island that is a point at 0. The island keeps its own positions, before those of
-// the square.
+// For an island that is a point: replaces the faces of its chart by a small square around 0, so that the packer has
+// something to place. The island's own positions, which are all near 0, stay the first ones, so their indices stay
+// valid, and move with the square.
 void MakeSquare(PackChart* chart) {
   const auto first = static_cast<std::int32_t>(chart->positions.size());
   const double half = kSquareSide / chart->density / 2;
@@ -188,7 +190,8 @@ double CoveredShare(const std::vector<float>& uv, int tiles) {
 
 constexpr int kLeastTextureSize = 16, kMostTextureSize = 65536;
 
-// The smallest power of two whose tiles may hold `area` square texels.
+// The smallest power of two for the texture size with which the tiles may have room for `area` square texels; at most
+// kMostTextureSize.
 int LeastTextureSize(double area, const PackOptions& atlas) {
   int size = kLeastTextureSize;
   while (size < kMostTextureSize && (size <= atlas.padding + 1 || area > 1.0 * atlas.tiles * size * size)) size *= 2;
@@ -221,7 +224,8 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     const std::vector<double> weights = MeanWeights(mesh, islands, options.face_weights);
     for (std::size_t i = 0; i < scales.size(); ++i) scales[i] *= weights[i];
   }
-  // Densities are relative. They are scaled so that all islands together have the area of one tile.
+  // The packer needs densities only relative to each other. They are scaled so that all islands together have the area
+  // of one tile.
   double whole_area = 0;
   for (std::size_t i = 0; i < extents.size(); ++i) whole_area += extents[i].map_area * scales[i] * scales[i];
   const double size = whole_area > 0 ? std::sqrt(whole_area) : 1;

@@ -88,7 +88,7 @@ std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv) {
     for (std::size_t i = 0; i < inside.size(); ++i) inside[i] = (inside[i] - box.min()[i % 2]) / size;
   }
   Image image = DrawMap(mesh, inside, options);
-  // Fewer shades compress to a third of the bytes.
+  // Reduces the shades: this compresses the picture to a third.
   for (Rgb& pixel : image.pixels) {
     for (std::uint8_t* const part : {&pixel.r, &pixel.g, &pixel.b}) {
       *part = static_cast<std::uint8_t>((*part + 8) / 17 * 17);
@@ -101,7 +101,7 @@ std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv) {
 
 namespace {
 
-constexpr double kSlack = 0.01;  // texels: charts are reported if they are nearer than the padding minus this
+constexpr double kSlack = 0.01;  // texels; charts are reported if their distance is below the padding minus this
 
 std::string FileName(const std::string& path) {
   return std::filesystem::path(path).filename().string();
@@ -116,7 +116,7 @@ FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, cons
   const Atlas& atlas = result.report.atlas;
   const double padding = atlas.pack ? atlas.padding : 0;
   const MapCheckOptions options = CheckOptionsOf({atlas.texture_size, std::max(atlas.tiles, 1), padding});
-  // The input UV have no required padding.
+  // No padding is required of the UV that the input had.
   const MapCheckOptions options_before = CheckOptionsOf({atlas.texture_size, unwrap.tiles, 0});
   const CheckedMap after = CheckMapOf(input, result.uv.As<double>(), options, execution);
   CheckedMap before;

@@ -1,5 +1,5 @@
-// The pages that `report` and `unwrap --report` write, and the contact sheet of many: an index page with a small
-// picture and the key figures of every file, and a page for each.
+// The pages that `report` and `unwrap --report` write. The contact sheet of many files is an index page, with a small
+// picture and the key figures of every file, and a page for each file.
 #pragma once
 
 #include <cstdint>
@@ -20,18 +20,18 @@ namespace planish::cli {
 struct SheetRow {
   std::string name;
   std::string page;            // path of its page below ReportSheet::pages(), with '/'; empty without a page
-  std::string result;          // "usable", "failed", ...: ToString(BatchResult); "shown" where nothing was unwrapped
+  std::string result;          // ToString(BatchResult), e.g. "usable"; "shown" for a page of `report`
   std::string message;         // why it failed or is not usable
   Json card;                   // FinishedPage::card; null without a page
-  double seconds = -1;         // that the unwrap took; negative: nothing was unwrapped
-  std::int64_t triangles = 0;  // where there is no card; 0: not known
+  double seconds = -1;         // time of the unwrap; negative: nothing was unwrapped
+  std::int64_t triangles = 0;  // number of triangles, for a file without a card; 0: not known
 };
 
-// Where the pages of a sheet are.
+// The paths of a contact sheet and its pages.
 class ReportSheet {
  public:
-  // `place`, as --report or -o has it: DIR holds index.html and the pages, FILE.html is the sheet itself and FILE_files
-  // holds the pages.
+  // `place`: the value of --report or -o. For DIR, the sheet is DIR/index.html and the pages are in DIR; for FILE.html,
+  // the sheet is FILE.html and the pages are in FILE_files.
   explicit ReportSheet(const std::string& place);
 
   const std::filesystem::path& index() const { return index_; }
@@ -39,12 +39,12 @@ class ReportSheet {
   // "props/a.obj" has the page "props/a.obj.html".
   static std::string PageOf(const std::string& key) { return key + ".html"; }
   std::string PathOf(const std::string& page) const { return (pages_ / page).string(); }
-  // Where the sheet is, seen from a page.
+  // The path of the sheet relative to a page, for a link.
   std::string SheetFrom(const std::string& page) const;
 
-  // Makes the directory of the pages. Throws planish::Error: FILE_UNWRITABLE.
+  // Makes the directory of the pages. Throws FILE_UNWRITABLE, also if the sheet could not be written.
   void Prepare() const;
-  // Writes a page, in a directory that need not exist yet. Throws FILE_UNWRITABLE.
+  // Writes a page, and makes its directory if necessary. Throws FILE_UNWRITABLE.
   void WritePage(const std::string& page, const std::string& html) const;
   // Writes the sheet. Throws FILE_UNWRITABLE.
   void Write(const std::vector<SheetRow>& rows) const;
@@ -53,11 +53,12 @@ class ReportSheet {
   std::filesystem::path index_, pages_;
 };
 
-// The sheet: client/report/sheet.html with the rows in it. Pictures of all rows are in the page.
+// The HTML of a sheet: client/report's template with the rows and their pictures. `pages_from_sheet`: the path from the
+// sheet to the pages, with '/' at the end unless it is empty.
 std::string SheetPage(const std::string& title, const std::string& pages_from_sheet, const std::vector<SheetRow>& rows);
 
-// A PNG file of some 20 KB: the surface with a checkerboard in its UV, and the layout beside it. `uv` as in DrawMap(),
-// but not limited to the unit square: a larger layout is scaled down.
+// A PNG file of about 20 KB: the surface with a checkerboard, and the layout beside it. `uv` is as for DrawMap(), but
+// need not be in the unit square: a larger layout is scaled down.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
 // A page about the map of `result`, whose warnings have the file's ids, beside the UV of `input`, if it has any.
@@ -68,7 +69,7 @@ FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, co
 // A page of a sheet.
 struct SheetPageJob {
   const ReportSheet& sheet;
-  std::string page;    // its place on the sheet
+  std::string page;    // path of the page below ReportSheet::pages()
   std::string output;  // the file that the batch wrote
   std::string made;    // SheetMember::made
 };
@@ -77,13 +78,13 @@ struct SheetPageJob {
 Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
                const UnwrapOptions& options);
 
-// The same for a file that an earlier run has done: its page is kept if `made` is equal. Otherwise a new page is
-// written, of the output alone, without the UV before and the solve.
+// Returns the card of a file that an earlier run has done. Its page is kept if its `made` equals that of `job`.
+// Otherwise a new page is written, which shows only the output, without the UV before the unwrap and the solve.
 Json KeepPage(const SheetPageJob& job, int texcoord, const UnwrapOptions& options);
 
 // ---- Pages about the UV that files have
 
-// Tiles of a page; 0: the defaults of MapCheckOptions.
+// The tiles that a page assumes for UV; 0: the default of MapCheckOptions.
 struct PageTiles {
   int texture_size = 0;
   int tiles = 0;
@@ -91,7 +92,7 @@ struct PageTiles {
 };
 MapCheckOptions CheckOptionsOf(const PageTiles& tiles);
 
-// Throws UV_MISSING.
+// Throws UV_MISSING if `map`, which is that of `input`, has no UV.
 void RequireUv(const MeshInput& input, const CheckedMap& map);
 
 // Writes a page of a sheet; gives its card, null after an interrupt.

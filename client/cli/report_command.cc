@@ -27,51 +27,53 @@ constexpr char kReportHelp[] = R"(Examples:
   planish report hero_blender.obj hero_planish.obj -o compare.html   with the same camera
   planish unwrap hero.glb -o flat.glb --report=hero.html   before, after, and the solve
   planish report props/ hero.glb -o sheet/                 a contact sheet, and a page per file
-  planish unwrap props/ -o done/ --report=sheet.html       the same of a batch
+  planish unwrap props/ -o done/ --report=sheet.html       the same for a batch
 
-The page is one file, opened from disk; it asks the network for nothing. It shows the surface and the layout, linked by
-hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings, which
-lead to the triangles that they are about. It needs a browser with WebGL 2.
+The page is one file, opened from disk; it loads nothing from the network. It shows the surface and the layout, linked
+by hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings,
+with links to the triangles that they are about. It needs a browser with WebGL 2.
 
-More than two files, a directory, or a directory after -o make a contact sheet: an index with a small picture and the key
-figures of each file, sorted as you like, and a page for each. DIR has the index as DIR/index.html and the pages beside it
-(DIR/props/a.obj.html); FILE.html is the index itself, and FILE_files has the pages. unwrap --report does the same for a
-batch, with what failed. Exit codes: 0 written, 1 a file has no UV, 2 bad usage or an unreadable file.)";
+More than two files, a directory, or a directory after -o make a contact sheet: an index with a small picture and the
+key figures of each file, which can be sorted, and a page for each file. -o DIR writes the index to DIR/index.html and
+the pages beside it (DIR/props/a.obj.html); -o FILE.html writes the index to FILE.html and the pages to FILE_files.
+unwrap --report does the same for a batch, and lists files that failed. Exit codes: 0 written, 1 a file has no UV, 2 bad
+usage or an unreadable file.)";
 
 }  // namespace
 
 void AddFlags(CLI::App& app, ReportArguments& arguments) {
   app.footer(kReportHelp);
   app.add_option("A", arguments.inputs.first, "Mesh file with UV, as for unwrap")->required()->type_name("");
-  app.add_option("B", arguments.inputs.more, "A second one to compare with it; or more, and directories: a sheet")
+  app.add_option("B", arguments.inputs.more,
+                 "A second file, to compare with A; or further files and directories, for a sheet")
       ->type_name("");
-  app.add_option("-o,--output", arguments.output, "Where the page goes; - is stdout; a directory takes a sheet")
+  app.add_option("-o,--output", arguments.output, "Output page; - is stdout; a directory makes a sheet")
       ->type_name("HTML|DIR");
   app.add_option("--job-report", arguments.job_report,
-                 "What unwrap --json printed about the last file: methods of charts, times, warnings")
+                 "Output of unwrap --json about the last file, to show its methods of charts, times and warnings")
       ->type_name("JSON");
   AddTileSize(app, arguments.tiles.texture_size);
   app.add_option_function<int>(
          "--padding", [&arguments](const int& texels) { arguments.tiles.padding = texels; },
-         "Texels between charts: drawn round each, and nearer charts are warned of, up to 64 [2]")
+         "Texels wanted between charts, up to 64: drawn around each chart, with a warning if charts are nearer [2]")
       ->check(CLI::Range(0, 64).description(""))
       ->type_name("N");
   AddTiles(app, arguments.tiles.tiles);
-  app.add_option("--texcoord", arguments.texcoord, "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7 [0]")
+  app.add_option("--texcoord", arguments.texcoord, "Show the UV set TEXCOORD_N of a glTF, N up to 7 [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
 }
 
 namespace {
 
-// Whether the command makes a page for each file, and a sheet.
+// Whether the command makes a sheet, with a page for each file, instead of a single page.
 bool IsSheet(const ReportArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   return inputs.size() > 2 || IsDirectory(arguments.output) || arguments.output.ends_with('/') ||
          std::any_of(inputs.begin(), inputs.end(), IsDirectory);
 }
 
-// Checks arguments of a sheet.
+// Checks the arguments for a sheet.
 std::string CheckSheet(const ReportArguments& arguments) {
   if (arguments.output == "-") return "-o - takes one page; those of many files need -o DIRECTORY/";
   if (!arguments.job_report.empty()) return "--job-report is about one file, and -o about many";

@@ -238,7 +238,7 @@ std::string Validity(const Quality& quality) {
   return bad.empty() ? "No flipped, degenerate or overlapping triangles" : Join(bad, " and ");
 }
 
-// "3 of 120 charts (12, 40 and 77) did not converge"; the largest few are named.
+// "3 of 120 charts (12, 40 and 77) did not converge"; names the largest few of them.
 std::string UnconvergedText(const Report& report) {
   std::vector<const ChartReport*> charts;
   for (const ChartReport& chart : report.charts) {
@@ -265,7 +265,7 @@ std::string SolverName(const ChartReport& chart) {
   return name;
 }
 
-// The solvers in use, ordered by their numbers of triangles: " (uzawa+amg, uzawa+cholesky)".
+// The solvers that were used, the one with the most triangles first: " (uzawa+amg, uzawa+cholesky)".
 std::string SolversText(const std::vector<ChartReport>& charts) {
   std::map<std::string, std::int64_t> triangles;
   for (const ChartReport& chart : charts) triangles[SolverName(chart)] += chart.triangles;
@@ -296,7 +296,7 @@ std::string AtlasText(const Report& report) {
   const Atlas& atlas = report.atlas;
   const bool has_neighbours = report.chart_totals.charts > 1;
   if (!atlas.pack && !has_neighbours) return "";
-  if (!atlas.pack) return "Not packed: charts lie one over the other, at the surface's scale.\n";
+  if (!atlas.pack) return "Not packed: the charts lie on top of each other, at the surface's scale.\n";
   const std::string size = WithCommas(atlas.texture_size);
   const bool is_stacked = !atlas.atlases.empty() && atlas.layout == AtlasLayout::kStacked;
   const std::string into = is_stacked ? Counted(static_cast<std::int64_t>(atlas.atlases.size()), "atlas", "atlases") +
@@ -338,7 +338,7 @@ std::string MostStretchedText(const Report& report) {
          Counted(most->triangles, "triangle", "triangles") + ")";
 }
 
-// The largest charts, a line each under a heading.
+// A table of the largest charts.
 std::string ChartsText(const Report& report) {
   std::vector<const ChartReport*> charts;
   for (const ChartReport& chart : report.charts) charts.push_back(&chart);
@@ -402,7 +402,7 @@ std::string Details(const Report& report) {
          " at most, with " + Counted(report.threads, "thread", "threads") + ".\n" + ChartsText(report);
 }
 
-// A line for each warning. Unless `all`, only the first few of many with the same reason.
+// A line for each warning. Unless `all`, only the first few warnings with the same reason get a line of their own.
 std::string WarningsText(const std::vector<Warning>& warnings, const std::vector<std::string>& places, bool all,
                          const Terminal& terminal) {
   std::map<std::string, std::size_t> count;

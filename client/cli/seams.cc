@@ -100,7 +100,7 @@ namespace {
   throw ErrorFrom(FileMalformed(path, line, message));
 }
 
-// The words of a line before a #.
+// The words of a line, up to a '#'.
 std::vector<std::string> Words(const std::string& line) {
   std::istringstream stream(line.substr(0, line.find('#')));
   std::vector<std::string> words;
@@ -108,13 +108,13 @@ std::vector<std::string> Words(const std::string& line) {
   return words;
 }
 
-// The corners of the polygon at the ends of the edge that corner c faces.
+// Two corners of the file: those of c's triangle at the ends of the edge that corner c faces.
 std::pair<std::int64_t, std::int64_t> EndsFacedBy(const Triangulation& triangles, std::size_t c) {
   const std::size_t first = c - c % 3;
   return {triangles.corner_of_triangle[first + (c + 1) % 3], triangles.corner_of_triangle[first + (c + 2) % 3]};
 }
 
-// Per corner: whether it faces a diagonal of its polygon.
+// Per corner of the triangulation: whether it faces a diagonal of its polygon.
 std::vector<char> FacesDiagonal(const Triangulation& triangles) {
   std::vector<char> result(triangles.corner_of_triangle.size(), 0);
   const auto faces = static_cast<std::int64_t>(triangles.source_polygon.size());
@@ -215,7 +215,8 @@ std::vector<std::int32_t> PolygonEdges::UvFolds() const {
     const Vec2 a = uv[1] - uv[0], b = uv[2] - uv[0];
     uv_area[polygon] += (a.x() * b.y() - a.y() * b.x()) / 2;
   }
-  // Islands, and their parts between folds. At a fold the polygons on both sides have UV areas of opposite sign.
+  // `islands` joins polygons that share UV at an edge; `parts` joins them only if the edge is not a fold. At a fold,
+  // the polygons on both sides have UV areas of opposite sign.
   UnionFind islands(polygons), parts(polygons);
   std::vector<std::pair<HalfEdge, HalfEdge>> folds;
   const auto of = [&](const HalfEdge& h) { return static_cast<std::int32_t>(PolygonOf(h)); };

@@ -92,11 +92,11 @@ ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts
     PrivateServerOptions options;
     options.workers = needs.workers;
     options.threads = needs.threads;
-    interrupts.SetCancel([] {});  // until there are last words
+    interrupts.SetCancel([] {});  // no exit before the last words below are set
     const Timer timer;
     private_server_.emplace(options);
     start_seconds_ = timer.Seconds();
-    // Leaving at once skips destructors. The server ends by itself, but its socket must be removed.
+    // An exit at once skips destructors. The server then ends by itself, but its directory must be removed.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;
       std::filesystem::remove_all(directory, ignored);
@@ -105,7 +105,7 @@ ServerChoice::ServerChoice(const ServerArguments& server, Interrupts& interrupts
     interrupts.LeaveIfInterrupted();
   }
   ClientOptions options = private_server_ ? needs.client : WithServer(needs.client, server);
-  // A lost private server does not come back.
+  // A private server that died does not come back, so retries end soon.
   if (private_server_) options.reattach_timeout = options.retry_timeout = Seconds(1);
   client_.emplace(private_server_ ? private_server_->target() : address_, options);
 }
@@ -119,7 +119,7 @@ std::string ServerChoice::Description() {
 
 ServerChoice::~ServerChoice() {
   client_.reset();
-  private_server_.reset();  // may take a moment
+  private_server_.reset();  // waits for the server to end; the last words are still set meanwhile
   interrupts_.SetLastWords({});
 }
 

@@ -1,4 +1,4 @@
-// Ctrl-C, and the server that a command talks to.
+// Handles Ctrl-C, and chooses or starts the server of a command.
 #pragma once
 
 #include <atomic>
@@ -17,21 +17,22 @@ namespace planish::cli {
 
 // ---- Ctrl-C, SIGTERM and SIGHUP: the first asks to cancel, the second leaves at once
 
-// One per process, made in main() before any other thread, because threads inherit its signal mask. A thread reads
-// signals from a descriptor, so the callbacks are not restricted like signal handlers.
+// A process has one such object, made in main() before any other thread, because threads inherit its signal mask. Its
+// thread reads signals from a descriptor, so the callbacks are not restricted like signal handlers.
 class Interrupts {
  public:
   Interrupts();
   ~Interrupts();
 
-  // The first signal calls `cancel` on the thread of this class; it must return soon. Without `cancel` the first signal
-  // leaves at once.
+  // The first signal calls `cancel` on the thread of this class; `cancel` must return soon. If no `cancel` is set, the
+  // first signal ends the process at once.
   void SetCancel(std::function<void()> cancel);
-  // Called before leaving at once, in place of destructors.
+  // Sets a function that is called before the process ends at once, because no destructors are called then.
   void SetLastWords(std::function<void()> last_words);
 
   bool interrupted() const { return interrupted_; }
-  // For what must not be left half done: SetCancel([] {}) before it, this behind it.
+  // Ends the process if the first signal has come. For work that must not be interrupted: call SetCancel([] {}) before
+  // it, and this after it.
   void LeaveIfInterrupted();
 
  private:
@@ -40,16 +41,16 @@ class Interrupts {
 
   Descriptor signals_;
   Descriptor stop_;
-  std::mutex mutex_;  // guards the two functions
+  std::mutex mutex_;  // guards cancel_ and last_words_
   std::function<void()> cancel_;
   std::function<void()> last_words_;
   std::atomic<bool> interrupted_ = false;
   std::thread watcher_;
 };
 
-// ---- Work of this process itself
+// ---- Work in this process
 
-// `work` on all cores; the first signal cancels it. Whether that happened.
+// Calls work(execution) with an execution on all cores that the first signal cancels. Returns whether it was cancelled.
 bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Execution&)>& work);
 
 // ---- The server of --server, or a private server
@@ -63,14 +64,14 @@ struct ServerNeeds {
 
 class ServerChoice {
  public:
-  // Without an address, starts a private server. Throws planish::Error if that fails, or as Client::Client does.
+  // Without an address, starts a private server. Throws planish::Error if that fails, and the errors of Client::Client.
   ServerChoice(const ServerArguments& server, Interrupts& interrupts, const ServerNeeds& needs = {});
   ~ServerChoice();
 
   Client& client() { return *client_; }
-  // For --verbose: "Server farm:7741: planishd 0.1.0, 4 workers, 8 threads a job". Asks the server.
+  // Text for --verbose: "Server farm:7741: planishd 0.1.0, 4 workers, 8 threads a job". Asks the server.
   std::string Description();
-  // Until a private server was ready; 0 if --server names the server.
+  // How long a private server took to start; 0 if --server names the server.
   double start_seconds() const { return start_seconds_; }
   // Null if --server names the server.
   const PrivateServer* private_server() const { return private_server_ ? &*private_server_ : nullptr; }

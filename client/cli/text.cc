@@ -18,7 +18,7 @@ namespace {
 
 struct Character {
   std::size_t begin = 0, size = 1;  // bytes
-  utf8proc_int32_t code = -1;       // -1: no UTF-8; a byte by itself
+  utf8proc_int32_t code = -1;       // -1: a byte that is not UTF-8
 
   int Width() const { return code < 0 ? 1 : utf8proc_charwidth(code); }
 };

@@ -1,4 +1,4 @@
-// What commands print: how wide text is on a terminal, numbers for people, what the terminal can do.
+// Helpers for what commands print: the width of text on a terminal, numbers for people, the terminal's properties.
 #pragma once
 
 #include <cstdint>
@@ -8,25 +8,26 @@ namespace planish::cli {
 
 // ---- Text on a terminal
 
-// Columns of a UTF-8 text without its colour codes: two for East Asian wide characters and emoji, none for accents that
-// combine with the character before. A byte that is no UTF-8 takes one.
+// The number of columns of a UTF-8 text; colour codes do not count. East Asian wide characters and emoji have two
+// columns, accents that combine with the character before have none, and a byte that is not UTF-8 has one.
 int DisplayWidth(const std::string& text);
 
 // A printable form of a file name. Control characters, bidirectional controls, bytes that are not UTF-8, and, unless
 // `utf8`, non-ASCII characters become '?'.
 std::string Printable(const std::string& name, bool utf8);
 
-// The same for text of several lines.
+// Printable() for each line of a text; line breaks stay.
 std::string PrintableLines(const std::string& text, bool utf8);
 
-// `text`, which has no colour codes; if it is wider than `columns`, an ellipsis and the end of it.
+// If `text` is wider than `columns`: an ellipsis and the end of the text; otherwise `text`. It must have no colour
+// codes.
 std::string CutToWidth(const std::string& text, int columns, bool utf8);
 
 // Breaks lines of `text` between words, so that lines are at most `columns` wide unless a single word is wider.
 // Continuation lines are indented by two columns.
 std::string Wrapped(const std::string& text, int columns);
 
-// `text` filled with spaces to `columns`, behind it or, with `right`, before it.
+// `text` filled up with spaces to `columns`: after the text or, with `right`, before it.
 std::string Padded(const std::string& text, int columns, bool right = false);
 
 // ---- Numbers for people
@@ -43,7 +44,7 @@ std::string Counted(std::int64_t count, const std::string& one, const std::strin
 
 struct Terminal {
   bool is_tty = false;
-  bool is_dumb = false;  // no cursor movement: a bar would only make a mess
+  bool is_dumb = false;  // the cursor cannot be moved, so a bar cannot be repainted
   bool utf8 = false;
   bool color = false;
   int width = 80;   // columns, as of now
@@ -56,10 +57,10 @@ Terminal StderrTerminal();
 // kAuto: colours on a terminal that can show them, unless $NO_COLOR is set.
 enum class ColorMode { kAuto, kAlways, kNever };
 
-// Breaks lines between words for this terminal. Text for pipes and files is unchanged.
+// Wraps `text` to the terminal's width. Text for pipes and files is unchanged.
 std::string ForTerminal(const std::string& text, const Terminal& terminal);
 
-// Decides for the whole process. main() calls it before anything is printed in colour.
+// Sets the mode of the whole process. main() calls it before anything is printed in colour.
 void SetColorMode(ColorMode mode);
 
 // `text` between the escape sequence `color` and the sequence that resets it. Unchanged if the terminal has no color or

@@ -26,34 +26,33 @@ namespace planish::cli {
 
 void AddFlags(CLI::App& app, TransferArguments& arguments) {
   app.footer(
-      "Needs no server. OUT is FROM with the UV of TO, and with its images drawn anew for them. Both files have the "
-      "same triangles,\nin any order, as where TO was unwrapped elsewhere. With --project they need not. Exit codes: 0 "
-      "written, 1 the surfaces differ or\nTO has no UV, 2 bad usage or an unreadable file or image.");
+      "Needs no server. OUT is the model FROM with the UV of TO, and with FROM's images redrawn for these UV. Both "
+      "files must have\nthe same triangles, in any order; TO may be FROM unwrapped by another program, for example. "
+      "With --project the triangles may\ndiffer. Exit codes: 0 written, 1 the surfaces differ or TO has no UV, 2 bad "
+      "usage or an unreadable file or image.");
   app.add_option("FROM", arguments.from, "Model with images: .gltf, .glb, or .obj with its material files")
       ->required()
       ->type_name("");
-  app.add_option("TO", arguments.to, "Mesh file with the UV that it is to have")
-      ->required()
-      ->expected(1)
-      ->type_name("");
+  app.add_option("TO", arguments.to, "Mesh file with the new UV")->required()->expected(1)->type_name("");
   AddOutput(app, arguments.output, /*takes_batch=*/false);
   app.add_option("--texture-size", arguments.texture_size,
-                 "Texels per side of the new images, 16 to 65536 [as many as keep the texel density]")
+                 "Texels per side of the new images, 16 to 65536 [as many as keep the texel density of FROM's images]")
       ->check(CLI::Range(16, 65536).description(""))
       ->type_name("N");
-  app.add_option("--texcoord", arguments.texcoord, "Which set of UV of TO, TEXCOORD_N of a glTF, up to 7 [0]")
+  app.add_option("--texcoord", arguments.texcoord, "UV set of TO to use: TEXCOORD_N of a glTF, N up to 7 [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
   app.add_option_function<int>(
          "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
-         "Which set of FROM they replace [0]")
+         "UV set of FROM that the new UV replace, TEXCOORD_N [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
   app.add_flag("--project", arguments.project,
-               "The surfaces only lie close, like a scan and its decimated copy: OUT, a .glb or .gltf, is TO with "
-               "FROM's colours and normals as images");
+               "For two surfaces that differ but lie close together, such as a scan and its decimated copy: write TO "
+               "(as .glb or .gltf) with FROM's colours and normals as images");
   app.add_option("--cage", arguments.cage_percent,
-                 "With --project: how far from TO it looks for FROM, in percent of TO's diagonal [1]")
+                 "With --project: the largest distance between the surfaces, in percent of the diagonal of TO's "
+                 "bounding box [1]")
       ->check(CLI::Range(0.001, 100.0).description(""))
       ->type_name("PERCENT");
   AddImageFlags(app, arguments.textures);

@@ -17,67 +17,69 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap scan.stl -o scan.obj --precision=double --json > report.json
   planish unwrap face.obj -o - > face_uv.obj
   planish unwrap prop.obj -o prop_uv.obj --seams=auto,hard:60,materials --padding=4
-  planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv     (the borders of its UV islands)
+  planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv       cut at the borders of its islands
   planish unwrap face.obj -o face_uv.obj --picture=map.png --preview=layout.svg
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none
-  planish unwrap level.glb -o lit.glb --preset=lightmap      a second set of UV; the first one stays
+  planish unwrap level.glb -o lit.glb --preset=lightmap        a second UV set; the first one stays
   planish unwrap a.obj b.glb props/ -o done/                   a batch: a job and an output per file
   planish unwrap a.obj b.glb -o done/ --one-atlas              one job: both in one atlas
   planish unwrap a.obj b.glb -o done/ --atlas-per=file         one job: a UDIM tile for each
   planish unwrap hero.glb -o uv.glb --atlas-per=material       a UDIM tile for each material
-  planish unwrap hero.glb -o uv.glb --weight=face=2            twice the texels per length for one
+  planish unwrap hero.glb -o uv.glb --weight=face=2            twice the density for material face
   planish unwrap hero.glb -o game.glb --merge-materials        one material and one set of images
   planish unwrap scan.ply -o scan.glb --bake=colors            vertex colours become a texture
 
 Batches: several files, or a directory, are a batch. A directory is searched for mesh files. Each
-file becomes a job of its own and a file in the directory OUT, of the same name and at the same
-place below the directory that was named. A file that fails does not affect the others. The same
-command, given again, goes on where the last one ended: OUT/.planish-batch.json records input,
-options and output of each file. --json prints a line for each file and a last line
+file becomes a job of its own. Its output has the same name, in the directory OUT; files from a
+searched directory keep their place in its subdirectories. A file that fails does not affect the
+others. If the command is repeated, it continues where the last one ended: OUT/.planish-batch.json
+records input, options and output of each file. --json prints a line for each file and a last line
 {"summary": ...}. --timeout is for each file.
 
 Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
-  needed       the given seams, and more only where a piece is no disc or no map keeps its borders;
-               the default where sources are given without a policy
-  keep         the given seams; a piece with holes is slit only where it has no other map (a warning
-               says so), a closed piece is refused
+  needed       the given seams, and more only where a piece is not a disc, or cannot be mapped
+               without a further cut; the default if only sources are given
+  keep         only the given seams; a piece with holes is slit if it cannot be mapped otherwise
+               (with a warning); a closed piece, or one with handles, is refused
   none         no cut: the mesh must be a disc
-  uv           borders of the UV islands that the file has
+  uv           borders of the file's UV islands
   materials    between faces of different materials
   groups       between faces of different objects or groups
   hard[:DEG]   edges between faces whose normals differ by more than DEG degrees [66]
   edges:FILE   two vertex numbers per line, as the file counts them (an OBJ from 1, others from 0)
-  uncut:FILE   the reverse of a source: edges, listed in the same way, at which no seam is added
+  uncut:FILE   edges, listed in the same way, at which no seam may be added
 
-Atlases: a job has one atlas for all of its charts. --atlas-per gives one to each
-  file         of several files, which are one job then, not a batch of jobs
-  mesh         object (o) of an OBJ, mesh of a glTF
-  material     faces without one have an atlas too, the last
-  group        object and group (o, g) of an OBJ, mesh of a glTF
-in their order, and charts end between them. --atlas-layout says where the atlases go.
-  udim         each into tiles of its own from 1001 on, at most 100: one set of textures, so the
-               texel density is the same everywhere, and the fullest tile decides it
-  stacked      all into the same tiles, one over the other: textures of their own, which may
-               differ in size, so each is filled as far as it goes
+Atlases: by default a job has one atlas. With --atlas-per, each of these has its own, and no chart
+crosses from one to another:
+  file         each input file; the files are one job then, not a batch
+  mesh         each object (o) of an OBJ, each mesh of a glTF
+  material     each material; faces without a material share the last atlas
+  group        each object and group (o, g) of an OBJ, each mesh of a glTF
+Atlases are numbered in the order of these parts in the file. --atlas-layout says where they go:
+  udim         each in tiles of its own, from 1001 on, at most 100. They are one set of textures
+               with one texel density, which the fullest atlas limits
+  stacked      all in the same tiles, each for textures of its own, which may differ in size; so
+               each atlas is scaled to fill its tiles
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 
 void AddBatch(CLI::App& app, UnwrapArguments& arguments) {
-  app.add_flag("--one-atlas", arguments.one_atlas, "Several files are one job and share one atlas: no batch");
-  app.add_option("--format", arguments.format, "Of the outputs of a batch [that of each input; STL becomes OBJ]")
+  app.add_flag("--one-atlas", arguments.one_atlas,
+               "Unwrap several files as one job with a common atlas, not as a batch");
+  app.add_option("--format", arguments.format,
+                 "File format of a batch's outputs [the format of each input; OBJ for STL]")
       ->check(CLI::IsMember({"obj", "ply", "off", "gltf", "glb", "drc"}).description(""))
       ->type_name("obj|ply|off|gltf|glb|drc");
   app.add_flag(
       "--again", arguments.again,
-      "Of a batch: send files again whose outputs are up to date; the server may answer with a result that it has "
-      "kept, unless --fresh is given too");
+      "Batch: also process files whose outputs are up to date; add --fresh to make the server compute them again");
 }
 
 void AddAtlases(CLI::App& app, UnwrapArguments& arguments) {
   Choices<AtlasPer>{{AtlasPer::kFile, AtlasPer::kMesh, AtlasPer::kMaterial, AtlasPer::kGroup}}
       .AddTo(app, "--atlas-per", arguments.map.atlas_per,
-             "What gets an atlas of its own, see below [one for all of a job]")
+             "What gets an atlas of its own, see Atlases below [one atlas for the whole job]")
       ->excludes("--one-atlas");
 }
 
@@ -90,14 +92,14 @@ void AddPicture(CLI::App& app, UnwrapArguments& arguments) {
          [&arguments](const std::pair<double, double>& view) {
            std::tie(arguments.view_azimuth, arguments.view_elevation) = view;
          },
-         "Where the picture looks from: round y, and up, in degrees [35 17]")
+         "Position of the viewer, in degrees: rotation about the y axis from +z towards +x, and elevation [35 17]")
       ->type_name("AZIMUTH ELEVATION");
 }
 
 void AddReport(CLI::App& app, UnwrapArguments& arguments) {
   app.add_option("--report", arguments.report,
-                 "Write a page that shows the map: surface, layout, charts, warnings, how it was solved; of a batch "
-                 "a contact sheet; see report")
+                 "Write a page that shows the map: surface, layout, charts, warnings, how it was solved; for a batch "
+                 "a contact sheet; see planish report")
       ->type_name("HTML|DIR");
 }
 
@@ -111,16 +113,18 @@ void AddSeams(CLI::App& app, UnwrapArguments& arguments) {
            arguments.map.options.seams = arguments.map.seams.policy;
            arguments.map.options.hard_edge_degrees = arguments.map.seams.hard_edge_degrees;
          },
-         "Where to cut: auto, needed, keep or none, and sources of given seams (uv, hard, ...) [auto]")
+         "Where to cut: a policy (auto, needed, keep, none) and sources of seams (uv, hard, ...), see Seams below "
+         "[auto]")
       ->type_name("LIST");
 }
 
-// Given flags override the preset.
+// Adds --preset. Flags on the command line override those of the preset.
 void AddPreset(CLI::App& app, UnwrapArguments& arguments) {
   CLI::Option* const preset =
       app.add_option(
              "--preset",
-             "lightmap: --output-texcoord=1 --padding=4 --prefer=texture --seams=auto, with uv if there are any")
+             "lightmap: --output-texcoord=1 --padding=4 --prefer=texture and --seams=auto, or --seams=auto,uv if the "
+             "file has UV")
           ->check(CLI::IsMember({"lightmap"}).description(""))
           ->type_name("lightmap");
   app.final_callback([&app, &arguments, preset] {
@@ -148,7 +152,7 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments) {
                  "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc; - for stdin; or a directory")
       ->required()
       ->type_name("");
-  app.add_option("MORE", arguments.inputs.more, "Further files and directories: a batch; OUT is a directory then")
+  app.add_option("MORE", arguments.inputs.more, "Further files and directories, for a batch; OUT must be a directory")
       ->type_name("");
   UnwrapOptions& options = arguments.map.options;
   AddOutput(app, arguments.output.path, /*takes_batch=*/true);
@@ -177,11 +181,11 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments) {
   app.option_defaults()->group("Jobs");
   app.add_flag(
       "--detach", arguments.detach,
-      "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
+      "Queue the job, print its name and exit; fetch the result with jobs watch, or for a batch with the same command");
   AddTimeout(app, arguments.timeout_seconds,
-             "This command waits no longer than that from its start on, and cancels the job");
+             "Cancel the job and exit if the result has not arrived SECONDS after the command started");
   AddScheduling(app, arguments.scheduling);
-  AddLabels(app, arguments.labels, "Label of the job, to find it again; may be repeated [file=the file's name]");
+  AddLabels(app, arguments.labels, "Label of the job, to find it later; may be repeated [file=the file's name]");
 
   app.option_defaults()->group("Solver");
   AddOptionsOfGroup(app, options, "Solver");
@@ -191,7 +195,7 @@ void AddFlags(CLI::App& app, UnwrapArguments& arguments) {
 
 namespace {
 
-// Checks options that have no effect together.
+// Checks for options that have no effect in combination with others.
 std::string CheckAtlas(const MapArguments& map) {
   const UnwrapOptions& options = map.options;
   if (options.max_stretch != 0 && options.seams != Seams::kAuto) {
@@ -209,14 +213,14 @@ std::string CheckAtlas(const MapArguments& map) {
   return "";
 }
 
-// Checks options that do not go with several atlases, or with weights.
+// Checks for options that cannot be combined with several atlases or with weights.
 std::string CheckParts(const UnwrapArguments& arguments) {
   const UnwrapOptions& options = arguments.map.options;
   const bool is_stacked = options.atlas_layout == AtlasLayout::kStacked;
   if (is_stacked && !arguments.map.atlas_per)
     return "--atlas-layout says where the atlases of --atlas-per go; give both";
   if (is_stacked && !arguments.report.empty()) {
-    return "--report shows one texture, and --atlas-layout=stacked makes several that lie one over the other; leave "
+    return "--report shows one texture, and --atlas-layout=stacked makes several, on top of each other; leave "
            "one of them out";
   }
   if (!arguments.map.atlas_per && arguments.map.material_weights.empty()) return "";
@@ -227,7 +231,7 @@ std::string CheckParts(const UnwrapArguments& arguments) {
   return "";
 }
 
-// Checks options that a batch does not support.
+// Checks for options that a batch does not support.
 std::string CheckBatch(const UnwrapArguments& arguments) {
   if (arguments.output.path.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output.path == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
@@ -246,7 +250,7 @@ std::string CheckBatch(const UnwrapArguments& arguments) {
   return "";
 }
 
-// Checks several files and decides whether they are a batch.
+// Checks the input files and sets `arguments.batch`.
 std::string CheckInputs(UnwrapArguments& arguments) {
   const std::vector<std::string> inputs = arguments.inputs.All();
   const auto directory = std::find_if(inputs.begin(), inputs.end(), IsDirectory);
@@ -288,7 +292,7 @@ std::string CheckDetach(const UnwrapArguments& arguments) {
 }  // namespace
 
 std::string Check(UnwrapArguments& arguments) {
-  // The first decides whether it is a batch, which later ones need.
+  // CheckInputs() comes first: it sets `batch`, which later checks use.
   return FirstProblem({CheckInputs(arguments), CheckStreams(arguments.inputs.All()),
                        arguments.batch ? "" : CheckTexcoord(arguments.texcoord, arguments.inputs.first),
                        CheckPreview(arguments.output.preview), CheckStdout(arguments.output.path, arguments.json),

@@ -1,4 +1,4 @@
-// `planish unwrap`, of one mesh or a batch of files.
+// `planish unwrap`, for one mesh or a batch of files.
 #pragma once
 
 #include <map>
@@ -14,8 +14,8 @@ class Interrupts;
 
 struct UnwrapArguments : DeliveryArguments {
   InputArguments inputs;
-  // Several files, or a directory, that become a job and an output each (batch_plan.h). `format` and `again` are for it
-  // only.
+  // The inputs are several files, or a directory, and each file becomes a job and an output (batch_plan.h). `format`
+  // and `again` are only for a batch.
   bool batch = false;
   std::string format;      // output format, a file extension: "glb"; empty: the format of each input
   bool again = false;      // redo files that are up to date
@@ -25,7 +25,7 @@ struct UnwrapArguments : DeliveryArguments {
 
   std::string picture;                            // a PNG of the map; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
-  std::string report;  // an HTML page about the map (report_page.h); of a batch a sheet; empty: none
+  std::string report;  // an HTML page about the map (report_page.h); for a batch a contact sheet; empty: none
 
   bool detach = false;
   Scheduling scheduling;
@@ -33,7 +33,8 @@ struct UnwrapArguments : DeliveryArguments {
 };
 
 void AddFlags(CLI::App& app, UnwrapArguments& arguments);
-// Also decides whether it is a batch, which depends on several flags and on whether inputs are directories.
+// Returns what is wrong with the flags, or an empty string. Also sets `arguments.batch`, which depends on several flags
+// and on whether inputs are directories.
 std::string Check(UnwrapArguments& arguments);
 int Run(const UnwrapArguments& arguments, Interrupts& interrupts);  // unwrap_command.cc
 

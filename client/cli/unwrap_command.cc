@@ -19,7 +19,7 @@
 namespace planish::cli {
 namespace {
 
-// How long a cancelled job may take to say so before we leave without its word.
+// How long to wait, after Ctrl-C, for the server to confirm that the job was cancelled.
 constexpr double kCancelPatienceSeconds = 10;
 
 int Deliver(const UnwrapArguments& arguments, Delivery& delivery, UnwrapResult result, Interrupts& interrupts,
@@ -49,7 +49,8 @@ int Detach(const UnwrapArguments& arguments, const MeshView& mesh, Client& clien
   return kOk;
 }
 
-// The end of a call, or nothing if it did not come within the patience after an interrupt.
+// Waits for the end of a call and returns its result. Nothing if the call has not ended kCancelPatienceSeconds after an
+// interrupt.
 std::optional<UnwrapResult> WaitOrInterrupt(Call& call, const Interrupts& interrupts) {
   std::optional<Timer> since_interrupt;
   while (!call.WaitFor(std::chrono::milliseconds(50))) {

@@ -18,10 +18,10 @@ namespace planish::cli {
 
 namespace {
 
-// The longest value of a label.
+// Most bytes of a label's value.
 constexpr std::size_t kMaxLabelBytes = 256;
 
-// The last bytes of a text that is too long, without a partial character.
+// The last `most` bytes of `text`, without a partial character at the beginning.
 std::string LastBytes(const std::string& text, std::size_t most) {
   if (text.size() <= most) return text;
   std::size_t begin = text.size() - most;
@@ -100,7 +100,7 @@ UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
 
 namespace {
 
-// The first ids, as metadata has them.
+// The first few ids, in the format of metadata: "12,40".
 std::string FirstIds(const std::vector<std::int64_t>& ids) {
   constexpr std::size_t kMostNamed = 16;
   std::string text;
@@ -122,7 +122,8 @@ void WarnOfCutPolygons(const std::vector<std::int64_t>& faulty, std::int64_t tor
        {{"count", std::to_string(count)}, {"faces", FirstIds(faulty)}, {"written_as_several", std::to_string(torn)}}});
 }
 
-// Replaces the figures of the server, which verified the UV that it sent, by figures measured on the written files.
+// Replaces the quality in `report`, which the server measured on the UV that it sent, by figures measured on the
+// written files. Adds a warning if the written map has more faults.
 void JudgeWritten(const MeshInput& written, const std::string& path, Report* report) {
   MapCheckOptions options;
   options.texture_size = std::max(report->atlas.texture_size, 1);
@@ -132,7 +133,7 @@ void JudgeWritten(const MeshInput& written, const std::string& path, Report* rep
   const CheckedMap map = CheckMapOf(written, options, {&team});
   const MapCheck& check = map.check;
   Quality& quality = report->quality;
-  // Only the server knows which charts overlap on purpose.
+  // Charts that are unpacked or in stacked atlases overlap on purpose, which only the server can tell.
   const bool is_flat_atlas = report->atlas.pack && report->atlas.layout != AtlasLayout::kStacked;
   const std::int64_t overlapping = is_flat_atlas ? check.overlaps.pairs : quality.overlapping;
   const auto without_uv = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());

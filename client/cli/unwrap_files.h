@@ -1,4 +1,4 @@
-// One unwrap, from input files to output files.
+// The files of one unwrap: reads the inputs, and writes the outputs with the result.
 #pragma once
 
 #include <cstdint>
@@ -16,23 +16,23 @@
 
 namespace planish::cli {
 
-// `labels` as a job on this file has them: with "file", the file's name, unless they have it.
+// The labels of a job: `labels`, and "file" with the file's name unless `labels` has that key.
 std::map<std::string, std::string> JobLabels(const std::map<std::string, std::string>& labels, const std::string& file);
 
-// The map that is wanted: options for the server, and seams, atlases and weights that come from the files.
+// What map is wanted: options for the server, and seams, atlases and weights that come from the files.
 struct MapArguments {
-  UnwrapOptions options;  // seams and hard_edge_degrees as in `seams`
+  UnwrapOptions options;  // `seams` and `hard_edge_degrees` are equal to those of the list below
   SeamList seams;
-  std::optional<AtlasPer> atlas_per;               // with kFile several files are one mesh
-  std::map<std::string, double> material_weights;  // times the texels per length, in [0.01, 100]
+  std::optional<AtlasPer> atlas_per;               // with kFile, several files become one mesh
+  std::map<std::string, double> material_weights;  // factor of the texel density by material, in [0.01, 100]
 };
 
 class UnwrapFiles {
  public:
-  // Reads the files, which become one mesh, and the seams, atlases and weights that `map` takes from them. `texcoord`
-  // and `output` as for MeshInput::Outputs; without a path nothing will be written. Throws what that and the
-  // constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the files do not have or that are too
-  // many, and for maps that images cannot be moved into; and MATERIAL_UNKNOWN.
+  // Reads the files, which become one mesh, and the seams, atlases and weights that `map` takes from them. `texcoord`:
+  // the UV set to read. `output`: as for MeshInput::Outputs(); without a path nothing will be written. Throws the
+  // errors of MeshInput's constructor and of MeshInput::Outputs(); MATERIAL_UNKNOWN; and OPTIONS_INVALID if the files
+  // do not have the seams or atlases, if there are too many atlases, or if images cannot be redrawn for such a map.
   UnwrapFiles(const std::vector<std::string>& inputs, int texcoord, const MapArguments& map,
               const OutputArguments& output);
 
@@ -41,14 +41,15 @@ class UnwrapFiles {
   MeshView view() const;
   // The names of the atlases by their numbers; empty without --atlas-per.
   const std::vector<std::string>& atlas_names() const { return atlases_.names; }
-  // The options for the server: `options`, with float precision if the output cannot hold double, and, unless they have
-  // a texture size or density, with the texture size that keeps the texel density of the images that move. Throws
+  // The options for the server: `options`, with float precision if the output cannot hold double. If they have neither
+  // texture size nor density, the texture size is set so that redrawn images keep their texel density. Throws
   // OUTPUT_UNSUPPORTED if `options` ask for double and the output cannot hold it.
   UnwrapOptions Options(UnwrapOptions options) const;
-  // Writes the output with the UV of `result`, and reads it back. The quality in `result` is replaced by the figures of
-  // the written bytes, as `planish check` measures them. Its warnings get the ids of the files, and new warnings about
-  // writing are added. `on_image` is called before each image is moved. After a stop request nothing is written. Throws
-  // FILE_UNWRITABLE, CANCELLED, and errors about images.
+  // Writes the output with the UV of `result`, reads it back, and returns the written files. The quality in `result` is
+  // replaced by the figures of the written bytes, as `planish check` measures them. The warnings of `result` get the
+  // ids of the files, and warnings about writing are added. `on_image` is called before each image is redrawn. If a
+  // stop is requested before writing begins, throws CANCELLED and writes nothing. Also throws FILE_UNWRITABLE, and
+  // errors about images.
   std::vector<OutputFile> WriteResult(UnwrapResult& result,
                                       const std::function<void(const ImageProgress&)>& on_image = {},
                                       const std::stop_token& stop = {}) const;
@@ -62,7 +63,7 @@ class UnwrapFiles {
   std::vector<float> weights_;
   std::vector<OutputOptions> outputs_;
   int asked_texture_size_ = 0;
-  int texture_side_ = 0;  // TextureSideEstimate()
+  int texture_side_ = 0;  // MeshInput::TextureSideEstimate()
   int padding_ = 2;
 };
 

@@ -13,7 +13,7 @@
 namespace planish::cli {
 
 void AddFlags(CLI::App& app, VersionArguments& arguments) {
-  AddServer(app, arguments.server, "without it the private one");
+  AddServer(app, arguments.server, "without it, the private server's version is shown");
   AddJson(app, arguments.json);
   AddTerminal(app, arguments.terminal);
 }

@@ -1,8 +1,9 @@
-# The shared library, and what `cmake --install` puts in place for those who build with it: headers, a CMake package, a file for
+# The shared library, and what `cmake --install` installs for programs that use it: headers, a CMake package, a file for
 # pkg-config. A COMPONENT is a package (deploy/packages).
 #
-# The library holds the objects of the client and of the internal libraries it stands on. Only planish::abiN is visible (exports.map.in), and
-# headers use standard types only: a program that links libplanish needs neither gRPC nor anything else of ours to be compiled.
+# The library contains the objects of the client and of the internal libraries that the client uses. Only planish::abiN
+# is visible (exports.map.in), and headers use standard types only, so a program that uses libplanish is compiled
+# without gRPC and without our internal headers.
 include(CMakePackageConfigHelpers)
 
 configure_file(cmake/exports.map.in exports.map @ONLY)
@@ -19,7 +20,7 @@ target_link_libraries(planish_sdk PRIVATE
   gRPC::grpc++ protobuf::libprotobuf draco::draco absl::status absl::statusor absl::strings OpenSSL::SSL Threads::Threads)
 target_link_options(planish_sdk PRIVATE
   -Wl,--version-script=${CMAKE_CURRENT_BINARY_DIR}/exports.map -Wl,--as-needed)
-if(NOT PLANISH_SANITIZE)  # clang has the sanitizers' functions in programs only
+if(NOT PLANISH_SANITIZE)  # clang links the sanitizers' functions into programs only, not into libraries
   target_link_options(planish_sdk PRIVATE -Wl,--no-undefined)
 endif()
 planish_sanitize(planish_sdk)
@@ -30,7 +31,7 @@ configure_package_config_file(cmake/planish-config.cmake.in ${CMAKE_CURRENT_BINA
   INSTALL_DESTINATION ${package_dir} NO_SET_AND_CHECK_MACRO)
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/planish-config-version.cmake
   COMPATIBILITY SameMinorVersion)
-# Relative to the file itself: a prefix may be moved.
+# The prefix in planish.pc is relative to the file itself, so that an installation may be moved.
 file(RELATIVE_PATH prefix_of_pc /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/planish.pc.in planish.pc @ONLY)
 

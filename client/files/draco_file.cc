@@ -1,4 +1,4 @@
-// .drc files: Draco data on their own.
+// Reads and writes .drc files, which hold nothing but Draco data.
 #include <cstring>
 
 #include "client/files/draco_uv.h"
@@ -60,7 +60,7 @@ absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_v
     mesh.corner_texcoord.push_back(texcoords.Add(value[0], value[1]));
   }
   mesh.texcoords = texcoords.TakeValues();
-  // The points of a file with UV are split at seams; joins them again.
+  // A file with UV has copies of its points at seams: joins them.
   JoinSeamVertices({}, &mesh);
   return mesh;
 }

@@ -9,9 +9,9 @@
 
 namespace planish {
 
-// Splits the points and replaces attribute `old_uv` (a unique id; -1: there is none) by split.uv as floats, not
-// quantized. The new attribute is the last one; it has the id of the old one, or a new id. `indices`: per corner of the
-// faces, the new point.
+// Splits the points as in `split`, and replaces the UV attribute with the unique id `old_uv` (-1: there is none) by
+// split.uv as floats, not quantized. The new attribute comes last, and has the id of the old one or a free id.
+// `indices`: per corner of the faces, the new point.
 void ReplaceDracoUv(const CornerSplit& split, const std::vector<std::int32_t>& indices, std::int64_t old_uv,
                     DracoPoints* points);
 

@@ -39,7 +39,8 @@ Vec3 NewellNormal(const std::vector<Vec3>& outline) {
   return normal;
 }
 
-// The polygon in the plane with this normal, seen from its tip; empty if the normal is zero or too large.
+// The polygon projected onto the plane with this normal, seen from the tip of the normal. Empty if the normal is zero,
+// longer than 1e300 or parallel to the longest side.
 std::vector<Vec2> Projected(const std::vector<Vec3>& outline, const Vec3& normal) {
   Vec3 longest = Vec3::Zero();
   for (std::size_t i = 0; i < outline.size(); ++i) {
@@ -74,7 +75,7 @@ bool IsFan(const std::vector<Vec2>& points) {
 
 // Whether the fan round corner 0 has a triangle so steep that the polygon is not planar.
 bool IsFolded(const std::vector<Vec3>& outline) {
-  constexpr double kLeastCosine = 0.7;  // of the angle between a triangle's normal and the polygon's, or its opposite
+  constexpr double kLeastCosine = 0.7;  // of the angle between the normals of a triangle and the polygon, up to sign
   std::vector<Vec3> normals;
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
@@ -89,7 +90,7 @@ bool IsFolded(const std::vector<Vec3>& outline) {
 bool FanHasArea(const std::vector<Vec3>& outline) {
   for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
     const Vec3 a = outline[i] - outline[0], b = outline[i + 1] - outline[0];
-    // In a flat triangle, any of the three vertices may be the middle one.
+    // Compares with the longest side, since any vertex of a flat triangle may be the one between the other two.
     const double longest = std::max({a.squaredNorm(), b.squaredNorm(), (a - b).squaredNorm()});
     if (!(a.cross(b).norm() > kFlat * longest)) return false;
   }
@@ -105,7 +106,7 @@ bool IsEar(const std::vector<Vec2>& points, const std::vector<std::int32_t>& lef
   if (!TurnsLeft(a, b, c)) return false;
   for (std::size_t i = 2; i + 1 < n; ++i) {
     const Vec2& p = points[left[(at + i) % n]];
-    // Polygons with holes touch themselves at the bridge.
+    // Such a point does not count: a polygon with a hole touches itself along the bridge to the hole.
     if (p == a || p == b || p == c) continue;
     if (IsInside(p, a, b, c)) return false;
   }
@@ -146,11 +147,11 @@ bool SegmentsCross(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
   return sides_differ(a, b, c, d) && sides_differ(c, d, a, b);
 }
 
-// Whether two sides of a nearly planar quad cross. Then its triangles overlap, whichever diagonal cuts it. (If a quad
-// bends, they may overlap as well, which is not a fault.) The plane is that of least squares: the areas of a bow tie's
-// triangles cancel out in Newell's normal, and what remains of it may have any direction.
+// Whether two sides of a nearly planar quad cross, so that its triangles overlap whichever diagonal cuts it. (The
+// triangles of a bent quad may overlap too, which is not a fault.) Projects onto the least-squares plane and not along
+// Newell's normal: the areas of a bow tie's triangles cancel out in that normal, so that it may have any direction.
 bool IsBowTie(const std::vector<Vec3>& quad) {
-  constexpr double kNearlyPlane = 0.1;  // distance of a corner from the plane over the longest side
+  constexpr double kNearlyPlane = 0.1;  // greatest distance of a corner from the plane, divided by the longest side
   Vec3 center = Vec3::Zero();
   for (const Vec3& p : quad) center += p / 4;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
@@ -186,7 +187,7 @@ bool CrossesItself(const std::vector<Vec3>& outline) {
   if (outline.size() < 4 || outline.size() > kMostPolygonCorners) return false;
   if (outline.size() == 4) return IsBowTie(outline);
   const std::vector<Vec2> points = Flattened(outline);
-  // Without a normal the areas of the triangles cancel out, or none has area.
+  // There is no normal: the areas of the triangles cancel out (the polygon crosses itself), or all are zero.
   if (points.empty()) return FanHasArea(outline);
   if (IsFan(points)) return false;
   if (IsFolded(outline) && FanHasArea(outline)) return false;  // not planar

@@ -60,7 +60,7 @@ std::string Quoted(std::string_view token) {
 
 namespace {
 
-// Reads to the end of the file, whatever its size claims, since pipes have no size. At most `limit` bytes.
+// Reads up to the end of the file, but at most `limit` bytes. The size `expected` is only a guess: pipes have no size.
 absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std::size_t expected, std::size_t limit) {
   std::string bytes;
   std::size_t size = 0;
@@ -77,7 +77,7 @@ absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std
 }
 
 absl::StatusOr<std::string> Read(const std::string& path, bool regular_only, std::size_t limit) {
-  // Opening a FIFO without a writer must not block.
+  // O_NONBLOCK, since opening a FIFO without a writer would wait for one.
   const Descriptor descriptor(path == "-"
                                   ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
                                   : ::open(path.c_str(), O_RDONLY | O_CLOEXEC | (regular_only ? O_NONBLOCK : 0)));
@@ -115,8 +115,8 @@ int WriteAll(int descriptor, const std::string& bytes) {
   return 0;
 }
 
-// The open descriptor that `path` names, or -1. These are written directly: /dev/stdout may be a file that the shell
-// opened, which must not be replaced by another file of the same name.
+// The open descriptor that `path` names, or -1. Open descriptors are written directly: /dev/stdout may be a file that
+// the shell opened, which must not be replaced by another file of the same name.
 int DescriptorOf(const std::string& path) {
   if (path == "-" || path == "/dev/stdout") return STDOUT_FILENO;
   if (path == "/dev/stderr") return STDERR_FILENO;
@@ -131,9 +131,9 @@ int DescriptorOf(const std::string& path) {
 }
 
 // The final target of the symbolic link `path`, whether or not it exists; `path` itself if it is not a link. Sets
-// `error_number` if links form a cycle.
+// `error_number` if a link cannot be read or there are more than 40 links, as in a cycle.
 std::string FollowLinks(const std::string& path, int* error_number) {
-  constexpr int kMostLinks = 40;  // as Linux does
+  constexpr int kMostLinks = 40;  // the limit of Linux
   std::filesystem::path target = path;
   std::error_code error;
   for (int i = 0; i < kMostLinks; ++i) {
@@ -143,14 +143,14 @@ std::string FollowLinks(const std::string& path, int* error_number) {
       *error_number = error.value();
       return path;
     }
-    // An absolute link replaces the left operand.
+    // If `link` is absolute, operator/ drops the folder before it.
     target = target.parent_path() / link;
   }
   *error_number = ELOOP;
   return path;
 }
 
-// For devices and pipes, which cannot be replaced.
+// Writes to a device or pipe, which cannot be replaced. Returns an errno value; 0 if all bytes were written.
 int WriteInPlace(const std::string& path, const std::string& bytes) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
   if (descriptor < 0) return errno;
@@ -165,7 +165,7 @@ int OpenTemporary(const std::filesystem::path& target, std::string* name) {
     const std::string file = ".planish-" + std::to_string(::getpid()) + "-" + std::to_string(serial++) + ".tmp";
     *name = (target.parent_path() / file).string();
     const int descriptor = ::open(name->c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    // The name is left over from a killed process with the same number.
+    // A killed process with the same number left a file of this name.
     if (descriptor < 0 && errno == EEXIST) continue;
     return descriptor;
   }
@@ -199,7 +199,7 @@ absl::Status WriteFile(const std::string& path, const std::string& bytes) {
   struct stat existing;
   const bool exists = error_number == 0 && ::stat(target.c_str(), &existing) == 0;
   if (error_number != 0) {
-    // Reported below.
+    // The error is reported below.
   } else if (!exists) {
     error_number = Replace(target, bytes, nullptr);
   } else if (S_ISDIR(existing.st_mode)) {

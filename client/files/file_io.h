@@ -30,8 +30,8 @@ absl::StatusOr<std::string> ReadFileStart(const std::string& path, std::int64_t 
 
 // Writes `bytes` to `path` atomically: a reader sees the old file or the whole new one (a temporary file beside it, and
 // a rename). Keeps the permissions of an old file, refuses a read-only one, and follows symbolic links. "-" and
-// /dev/stdout are stdout; pipes and devices are written in place. PERMISSION_DENIED or UNAVAILABLE: FILE_UNWRITABLE,
-// with the system's message; leaves no temporary file.
+// /dev/stdout are stdout; pipes and devices are written in place. A failure is FileUnwritable(), with the system's
+// message, and leaves no temporary file.
 absl::Status WriteFile(const std::string& path, const std::string& bytes);
 
 }  // namespace planish

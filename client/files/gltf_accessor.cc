@@ -70,7 +70,8 @@ absl::Status ReadShape(const GltfDocument& document, const Json& json, GltfAcces
   return GltfFault(document, accessor->element + ".type", "must be SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4");
 }
 
-// The bytes of `count` elements at byteOffset of `json` in its bufferView.
+// Finds the `count` elements of `size` bytes at the byteOffset and bufferView of `json`, and sets *stride. `stride`
+// null: there are no gaps between the elements. FILE_MALFORMED if they do not fit into the view.
 absl::StatusOr<const char*> Elements(const GltfDocument& document, const Json& json, const std::string& element,
                                      std::int64_t count, std::int64_t size, std::int64_t* stride) {
   PLANISH_ASSIGN_OR_RETURN(const View view, OpenView(document, json.at("bufferView"), element + ".bufferView"));
@@ -152,7 +153,7 @@ absl::StatusOr<GltfAccessor> OpenAccessor(const GltfDocument& document, std::int
     PLANISH_ASSIGN_OR_RETURN(accessor.data, Elements(document, json, accessor.element, accessor.count,
                                                      accessor.element_size, &accessor.stride));
   } else if (accessor.count > document.num_bytes) {
-    // Zeros take no bytes in the file, but memory here.
+    // All elements are zero. They take no bytes in the file, but memory here, so their number is limited.
     return GltfFault(document, accessor.element + ".count",
                      std::to_string(accessor.count) + " elements without data, in a file of " +
                          std::to_string(document.num_bytes) + " bytes");

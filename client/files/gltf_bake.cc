@@ -112,10 +112,9 @@ absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t p, const Glt
     low = low.cwiseMin(to);
     high = high.cwiseMax(to);
   }
-  // Each chart is within one tile.
+  // The tile in which the middle of the primitive's bounding box lies.
   const Vec2 tile(std::floor(0.5 * (low.x() + high.x())), std::floor(0.5 * (low.y() + high.y())));
-  if (count > 0 && (low - tile).minCoeff() < -0.01) low = tile;
-  if (count > 0 && (high - tile).maxCoeff() > 1.01) {
+  if (count > 0 && ((low - tile).minCoeff() < -0.01 || (high - tile).maxCoeff() > 1.01)) {
     return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
                      output.options.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
                          std::to_string(primitive.primitive) +

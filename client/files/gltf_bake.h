@@ -1,4 +1,4 @@
-// What resampling a texture of a glTF needs to know of its primitives. Used only in client/files.
+// Describes a glTF's textures and the triangles that show them, for resampling. Used only in client/files.
 #pragma once
 
 #include <array>
@@ -20,20 +20,21 @@ struct GltfOutput {
   const GltfMesh& gltf;
   const OutputOptions& options;
   const std::vector<double>& uv;  // per corner of the triangles, v downwards
-  // The same for tangents of the new map; empty: none are needed.
+  // The tangents of the new map, per corner as well; empty if none are needed.
   const std::vector<std::array<float, 4>>& tangents;
 };
 
-// How `use` reads the image: sampler and meaning, without triangles.
+// Describes how `use` reads `image`: with which sampler and meaning. The triangles are added later.
 TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, std::int64_t image);
 
-// Appends the triangles of a primitive in both maps, with the frames of directions. `use` null: no image, all UV of the
-// old map are 0. INVALID_ARGUMENT: OPTIONS_INVALID if the primitive lies in several tiles.
+// Appends to `bake` the triangles of a primitive with their UV in the old and the new map, and tangent frames if the
+// texture has directions. `use` null: there is no image, and all UV of the old map are 0. INVALID_ARGUMENT:
+// OPTIONS_INVALID if the primitive lies in several tiles.
 absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t primitive, const GltfTextureUse* use,
                               TextureBake* bake);
 
 // Checks that these textures of a material can be resampled: no animation moves them, and the headers of their images
-// can be read. Images in `seen` were checked before.
+// can be read. Skips the images in `seen`, and adds the others to it.
 absl::Status CheckGltfTextures(const GltfMesh& gltf, const OutputOptions& options, std::int64_t material,
                                const std::vector<GltfTextureUse>& uses, std::set<std::int64_t>* seen);
 

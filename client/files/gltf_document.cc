@@ -18,7 +18,7 @@ constexpr std::uint32_t kGlbMagic = 0x46546C67;  // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;
 constexpr std::uint32_t kBinChunk = 0x004E4942;
 constexpr std::size_t kChunkHeader = 8;
-// Parsing and writing are recursive.
+// The JSON may be nested this deep; parsing and writing it are recursive.
 constexpr int kDeepest = 200;
 
 std::uint32_t LittleEndian32(std::string_view bytes, std::size_t at) {
@@ -89,7 +89,8 @@ absl::StatusOr<Json> ParseJson(const std::string& path, std::string_view text) {
   }
 }
 
-// Here 0 counts as no indentation at all.
+// Blanks per level of the JSON, as Json::dump() takes them: those at the start of its second line; 2 if that line does
+// not start with blanks; -1 if there is no second line.
 int IndentOf(std::string_view json) {
   const std::size_t line = json.find('\n');
   if (line == std::string_view::npos) return -1;
@@ -118,7 +119,7 @@ absl::Status LoadBuffers(const std::optional<std::string_view>& binary, GltfDocu
     const auto uri = buffer.find("uri");
     std::string data;
     if (uri == buffer.end()) {
-      // Other buffers without a URI are placeholders.
+      // The first buffer of a GLB has its data in the BIN chunk; other buffers without a URI are placeholders.
       if (i == 0 && binary) data = std::string(*binary);
       if (i != 0 || !binary) {
         document->buffers.emplace_back();
@@ -275,7 +276,7 @@ std::string Decoded(std::string_view uri) {
   return text;
 }
 
-// "https:", "file:". A drive letter counts as well, and is not portable either.
+// Whether a URI begins with a scheme such as "https:". A drive letter ("C:") counts too, as it is not portable either.
 bool HasScheme(std::string_view uri) {
   const std::size_t colon = uri.find(':');
   return colon != std::string_view::npos && colon > 0 && uri.substr(0, colon).find_first_of("/?#%") == uri.npos;

@@ -36,8 +36,8 @@ class GltfExport {
     json_["asset"] = {{"version", "2.0"}, {"generator", "planish"}};
   }
 
-  // A mesh and a node for each group, with a primitive for each material. Positions are floats: if a mesh is far from
-  // the origin, its node moves it there.
+  // Makes a mesh and a node for each group, with a primitive for each material. Positions are floats, which are coarse
+  // far from the origin: there they are relative to `origin_`, and the nodes move the meshes to it.
   void Build() {
     std::map<std::int32_t, std::map<std::int32_t, std::vector<std::size_t>>> faces;
     for (std::size_t f = 0; f < triangles_.mesh.faces.size(); ++f) {
@@ -107,7 +107,7 @@ class GltfExport {
 
  private:
   Json Primitive(std::int32_t material, const std::vector<std::size_t>& faces) {
-    // The group's vertices, in the order of the file.
+    // The vertices of these faces, in the order of the file.
     std::map<std::int32_t, std::int32_t> local;
     for (const std::size_t f : faces) {
       for (const std::int32_t vertex : triangles_.mesh.faces[f]) local.emplace(vertex, 0);
@@ -154,7 +154,7 @@ class GltfExport {
         {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC3"}, {"min", least}, {"max", most}},
         34962);
     for (int n = 0; n <= texcoord_; ++n) {
-      // Sets must be numbered without gaps; those below the requested one are the same.
+      // UV sets must be numbered without gaps: all sets up to the requested one refer to one accessor.
       primitive["attributes"]["TEXCOORD_" + std::to_string(n)] =
           n > 0 ? primitive["attributes"]["TEXCOORD_0"]
                 : Json(Accessor(texcoords, {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC2"}},

@@ -28,7 +28,7 @@ class PrimitiveJoin {
     Json& meshes = patch_.json()["meshes"];
     for (std::size_t m = 0; m < meshes.size(); ++m) {
       const Json primitives = meshes[m]["primitives"];
-      // The primitives that can become one, in the order of the first of each.
+      // Lists of primitives that can become one, in the order of their first primitives.
       std::vector<std::vector<std::size_t>> joined;
       std::map<std::string, std::size_t> by_kind;
       for (std::size_t p = 0; p < primitives.size(); ++p) {
@@ -61,7 +61,7 @@ class PrimitiveJoin {
  private:
   const Json& AccessorJson(const Json& index) const { return document_.json["accessors"][index.get<std::size_t>()]; }
 
-  // What primitives must agree in; empty: it stays alone.
+  // A key that is equal for primitives which can become one; empty: the primitive stays alone.
   std::string KindOfPrimitive(const Json& primitive) const {
     if (GltfIntAt(primitive, "mode", kTriangleList) != kTriangleList || primitive.contains("extensions")) return "";
     const auto kinds = [this](const Json& attributes) {
@@ -139,7 +139,7 @@ class PrimitiveJoin {
     return absl::OkStatus();
   }
 
-  // The accessors that the pools have at a place, as one.
+  // Joins the accessors that the pools have at `place` into one. Returns its index.
   absl::StatusOr<std::int64_t> JoinedAccessor(const std::vector<const Json*>& pools, std::int64_t num_vertices,
                                               const auto& place) {
     Json shape = AccessorJson(place(*pools[0]));
@@ -167,7 +167,7 @@ class PrimitiveJoin {
     return patch_.Replace(-1, 1, shape, std::move(bytes), stride == size ? 0 : stride, kVertexBuffer);
   }
 
-  // Bounds that not all have are dropped.
+  // Widens the bound `key` (min or max) of `shape` by that of `accessor`. Drops the bound unless both have it.
   static void Widen(const Json& accessor, const char* key, double (*wider)(double, double), Json* shape) {
     const bool both = accessor.contains(key) && shape->contains(key) && accessor[key].is_array() &&
                       (*shape)[key].is_array() && accessor[key].size() == (*shape)[key].size();

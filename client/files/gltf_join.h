@@ -1,4 +1,4 @@
-// Fewer draw calls. Used only in client/files.
+// Joins primitives of a glTF, for fewer draw calls. Used only in client/files.
 #pragma once
 
 #include <string>

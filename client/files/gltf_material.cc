@@ -37,7 +37,7 @@ std::array<double, 2> Pair(const Json& object, const char* key, double otherwise
   return pair;
 }
 
-// As in the GLSL of KHR_texture_transform: translation * rotation * scale.
+// The matrix translation * rotation * scale, as in the GLSL of KHR_texture_transform.
 std::array<double, 6> TransformOf(const Json& json) {
   const std::array<double, 2> offset = Pair(json, "offset", 0), scale = Pair(json, "scale", 1);
   const double angle = Number(json, "rotation", 0), c = std::cos(angle), s = std::sin(angle);
@@ -61,7 +61,7 @@ std::string ImageNameOfTexture(const Json& root, std::int64_t texture_index) {
   return GltfImageName(root, sources[0].image);
 }
 
-// The recursion is bounded, as the depth of the JSON was checked.
+// Appends the textures in `object`, at `at`, and below. The recursion is bounded, as the depth of the JSON was checked.
 void FindUses(const Json& root, const Json& object, const Json::json_pointer& at, bool is_opaque,
               std::vector<GltfTextureUse>* uses) {
   for (const auto& [key, value] : object.items()) {
@@ -130,8 +130,8 @@ std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index) {
 
 namespace {
 
-// Takes the elements `gone` out of the root's array `key`, and the array if nothing is left. Returns the new index of
-// each that stays.
+// Removes the elements that `gone` marks from the root's array `key`, and the array itself if no element is left.
+// Returns the new index of each element that stays.
 std::vector<std::int64_t> TakeOut(const std::vector<bool>& gone, const char* key, Json* root) {
   std::vector<std::int64_t> index(gone.size(), -1);
   Json left = Json::array();
@@ -233,7 +233,7 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
       if (use.texture >= 0 && use.texture < num_textures) gone[static_cast<std::size_t>(use.texture)] = false;
     }
   }
-  // Images of textures that go, and of none that stays.
+  // An image goes if a texture that goes reads it, and no texture that stays.
   std::vector<bool> image_gone(static_cast<std::size_t>(num_images), false);
   for (const bool is_gone : {true, false}) {
     for (std::int64_t t = 0; t < num_textures; ++t) {

@@ -20,13 +20,13 @@ struct GltfTextureUse {
   std::string name;        // of the image: its name, its file, or "image 3"
   int texcoord = 0;        // the set of UV used; -1: it does not exist
   bool is_normal = false;  // a normal map: tangents must match its UV
-  Json::json_pointer at;   // of the textureInfo in the material
+  Json::json_pointer at;   // where the textureInfo is in the material
   std::int64_t texture = -1;
   // u' = transform[0] u + transform[1] v + transform[2], and v' likewise: KHR_texture_transform.
   std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};
   TextureMeaning meaning = TextureMeaning::kData;
   double normal_scale = 1;
-  bool has_alpha = false;  // holds the material's alpha, with which colours are weighted
+  bool has_alpha = false;  // the image holds the material's alpha, with which colours are weighted
 };
 
 // The textures of materials[index], in the order of the file; empty for -1. Includes those of extensions: every member
@@ -40,8 +40,8 @@ struct GltfTextureSource {
 };
 std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture);
 
-// Removes those of `textures` that no material refers to, and the images that only they read, with their bytes. Nothing
-// if an extension that we do not know may refer to them (GltfPatch::has_unknown_indices).
+// Removes those of `textures` that no material refers to, and the images that only these textures read, with their
+// bytes. Removes nothing if an unknown extension may refer to them (GltfPatch::has_unknown_indices).
 void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* patch);
 
 // Removes those of `materials` that no primitive and no variant refers to. Removes none if an extension that we do not
@@ -52,10 +52,10 @@ void RemoveUnusedMaterials(const std::set<std::int64_t>& materials, GltfPatch* p
 // variants.
 const Json& VariantMappings(const Json& primitive);
 
-// Whether an animation changes something of a material (KHR_animation_pointer) whose path has `part` in it.
+// Whether an animation (KHR_animation_pointer) changes a property of a material whose path contains `part`.
 bool IsAnimated(const Json& root, std::int64_t material, const std::string& part = "");
 
-// How a texture's sampler repeats it, along u and v.
+// The wrap modes of a texture's sampler, along u and v.
 std::array<TextureWrap, 2> TextureWraps(const Json& root, std::int64_t texture);
 
 // The sampler of a texture, or null.

@@ -22,13 +22,13 @@ constexpr char kVariantsOfMaterials[] = "KHR_materials_variants";
 constexpr char kSpecularGlossiness[] = "KHR_materials_pbrSpecularGlossiness";
 constexpr CornerColor kOnes = {1, 1, 1, 1};
 
-// What materials that become one must agree in.
+// A key that is equal for materials which can become one.
 Json KindOf(const Json& material, const std::vector<GltfTextureUse>& uses) {
   Json stripped = material;
   Json directions = Json::array();
   for (const GltfTextureUse& use : uses) {
     stripped[use.at.parent_pointer()].erase(use.at.back());
-    // Nothing can be painted where such a texture is missing: what it would show is a direction of the old map.
+    // A constant cannot replace a missing texture of directions, since it would be a direction of the old map.
     if (use.meaning == TextureMeaning::kDirection) directions.push_back(use.at.to_string());
   }
   Json kind = {stripped.value("alphaMode", Json("OPAQUE")), stripped.value("doubleSided", Json(false)),
@@ -42,7 +42,7 @@ bool HasVariants(const Json& primitive) {
   return extensions != nullptr && GltfObject(*extensions, kVariantsOfMaterials) != nullptr;
 }
 
-// How often primitives and variants use a material; none use the default one, -1.
+// How many primitives and variants use a material. Primitives with the default material, -1, are not counted.
 std::int64_t UsesOf(const Json& root, std::int64_t material) {
   std::int64_t uses = 0;
   for (const Json& mesh : root["meshes"]) {
@@ -84,7 +84,8 @@ GltfMerge::GltfMerge(const GltfMesh& gltf, const OutputOptions& options)
   if (options.textures.mode == TextureMode::kTransfer) FindGroups();
 }
 
-// Notes why not.
+// Whether the primitive has vertex colours that are to be painted into an image, and can be. If they cannot be, notes
+// the reason in unpainted_because_.
 bool GltfMerge::CanBakeColors(std::size_t p) {
   const Json& primitive = PrimitiveJson(root_, gltf_.primitives[p]);
   if (!options_.textures.bake_colors || !primitive["attributes"].contains(kColors)) return false;
@@ -140,7 +141,7 @@ void GltfMerge::FindGroups() {
       known->primitives.push_back(p);
     }
   }
-  // In the order of the primitives.
+  // Makes the groups in the order of the primitives.
   for (const std::string& key : key_of) {
     const auto found = by_key.find(key);
     if (found == by_key.end()) continue;
@@ -177,7 +178,7 @@ std::size_t GltfMerge::num_images() const {
   return count;
 }
 
-// ---- Drawing them
+// ---- Drawing the images
 
 absl::StatusOr<double> GltfMerge::EstimateSide(double total_area) const {
   constexpr double kFilled = 2.0 / 3;
@@ -186,7 +187,7 @@ absl::StatusOr<double> GltfMerge::EstimateSide(double total_area) const {
   const std::vector<std::array<float, 4>> no_tangents;
   const GltfOutput output = {gltf_, options_, anywhere, no_tangents};
   const auto shrink = [total_area](TextureBake* bake) {
-    // In the new map each triangle gets its share of the area.
+    // There is no new map yet: gives each triangle its share of the area of the map.
     for (std::size_t t = 0; t < bake->triangles.size(); ++t) {
       const double leg = std::sqrt(2 * kFilled * bake->areas[t] / total_area);
       bake->triangles[t].to = {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)};
@@ -218,7 +219,7 @@ absl::StatusOr<double> GltfMerge::EstimateSide(double total_area) const {
   return side;
 }
 
-// Whether the image, which may have an alpha channel, has something to keep in it.
+// Whether the image needs an alpha channel: it may have one, and a factor, an old image or a vertex colour has alpha.
 absl::StatusOr<bool> GltfMerge::NeedsAlpha(const MergedGroup& group, const PlannedImage& image) const {
   if (!image.may_have_alpha) return false;
   for (const PlannedPart& part : image.parts) {
@@ -272,7 +273,7 @@ absl::StatusOr<std::string> GltfMerge::Draw(const GltfOutput& output, const Merg
   return BakeParts(std::move(parts), gltf_.document.path + ": " + image.name, has_alpha, options_.textures, warnings);
 }
 
-// Adds an image and a texture of it. Returns the texture's index.
+// Adds an image, and a texture that shows it. Returns the texture's index.
 std::int64_t GltfMerge::AddTexture(const PlannedImage& image, std::string bytes, TextureFileNames* names,
                                    GltfPatch* patch, WrittenMesh* written) const {
   Json& root = patch->json();
@@ -281,9 +282,9 @@ std::int64_t GltfMerge::AddTexture(const PlannedImage& image, std::string bytes,
     return root[key];
   };
   const ImageKind kind = KindOfImage(bytes).value_or(ImageKind::kPng);
-  // In a file of its own if an old image was in one.
+  // The new image becomes a file if one of the old images is a file.
   bool is_file = false;
-  // Samplers that are alike stay, but for how they repeat.
+  // If all old textures have the same sampler, apart from wrap modes, the new one has it too.
   std::set<std::string> samplers;
   Json sampler = Json::object();
   for (const PlannedPart& part : image.parts) {
@@ -352,7 +353,7 @@ absl::Status GltfMerge::Write(const GltfOutput& output, std::size_t drawn, Textu
       old_materials.insert(member.material);
       for (const GltfTextureUse& use : member.uses) old_textures.insert(use.texture);
     }
-    // One that nothing else uses keeps its number, by which animations know it.
+    // A material that only these primitives use keeps its number, because animations refer to materials by number.
     const MergedMember& first = group.members[0];
     if (group.members.size() == 1 && UsesOf(root_, first.material) == std::ssize(first.primitives)) {
       root["materials"][static_cast<std::size_t>(first.material)] = std::move(plan.material);

@@ -3,8 +3,8 @@
 //
 // With TextureOptions::merge_materials, materials of one atlas become one if they differ in nothing but images, factors
 // and names: they have the same alpha mode and cutoff, sides and extensions. Each image of the new material is drawn
-// from the old ones and from constants. A factor that all of them have stays a factor; others are painted in. Materials
-// that are animated or belong to variants are left alone.
+// from the old ones and from constants. A factor that is equal in all of the materials stays a factor; other factors
+// are painted into the images. Materials that are animated or belong to variants are left alone.
 //
 // With TextureOptions::bake_colors, COLOR_0 is painted into the base colours of its material, and removed.
 #pragma once
@@ -29,19 +29,19 @@ namespace planish {
 
 class GltfMerge {
  public:
-  // Finds the materials. `gltf` and `options` outlive the object.
+  // Finds the materials. `gltf` and `options` must outlive the object.
   GltfMerge(const GltfMesh& gltf, const OutputOptions& options);
 
   bool empty() const { return groups_.empty(); }
-  // Whether the primitive (of GltfMesh::primitives) gets a material from here.
+  // Whether the primitive (of GltfMesh::primitives) gets a merged material, or an image with its vertex colours.
   bool Has(std::size_t primitive) const { return group_of_[primitive].has_value(); }
-  // Whether its COLOR_0 is painted into an image, and must go.
+  // Whether the primitive's COLOR_0 is painted into an image, so that the attribute must be removed.
   bool BakesColors(std::size_t primitive) const { return bakes_colors_[primitive]; }
   bool NeedsTangents(std::size_t primitive) const { return needs_tangents_[primitive]; }
   // Checks, before there is a map, that every image can be read and resampled.
   absl::Status Check() const;
 
-  // EstimateTextureSide() (mesh_output.h).
+  // Estimates the side of the new images as EstimateTextureSide() (mesh_output.h) does.
   absl::StatusOr<double> EstimateSide(double total_area) const;
 
   // The number of images that Write() draws.
@@ -65,10 +65,10 @@ class GltfMerge {
   const OutputOptions& options_;
   const Json& root_;
   std::vector<MergedGroup> groups_;
-  std::vector<std::optional<std::size_t>> group_of_;  // per primitive of triangles; so are the next two
+  std::vector<std::optional<std::size_t>> group_of_;  // this and the next two: per primitive of triangles
   std::vector<bool> bakes_colors_;
   std::vector<bool> needs_tangents_;
-  std::set<std::int64_t> left_alone_;        // materials
+  std::set<std::int64_t> left_alone_;        // materials that are not merged
   std::set<std::string> unpainted_because_;  // why colours of vertices are not painted
 };
 

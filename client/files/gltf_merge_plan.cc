@@ -41,7 +41,7 @@ const GltfTextureUse* MergedMember::UseAt(const Pointer& at) const {
   return found == uses.end() ? nullptr : &*found;
 }
 
-// "wood+steel+2 more"
+// The names of the members, such as "wood+steel+2 more".
 std::string NamesOf(const MergedGroup& group, std::size_t most) {
   std::string names;
   for (std::size_t m = 0; m < std::min(most, group.members.size()); ++m) {
@@ -89,7 +89,7 @@ class MergePlanner {
   }
 
  private:
-  // A value of each member, and whether all are equal.
+  // The value of each member. Sets *are_equal to whether all are equal.
   template <typename Value>
   std::vector<Value> OfMembers(const auto& value, bool* are_equal) const {
     std::vector<Value> values;
@@ -101,7 +101,7 @@ class MergePlanner {
     return std::any_of(group_.members.begin(), group_.members.end(),
                        [&at](const MergedMember& member) { return member.UseAt(at) != nullptr; });
   }
-  // The textureInfo of the first material that has one.
+  // Adds slot `at` to the image. The new material gets the textureInfo of the first member that has one there.
   void AddSlot(const Pointer& at, PlannedImage* image) {
     image->slots.push_back(at);
     for (const MergedMember& member : group_.members) {
@@ -149,7 +149,7 @@ class MergePlanner {
     plan_.images.push_back(std::move(image));
   }
 
-  // Occlusion is red, roughness green, metalness blue: one image, unless a material has them in two.
+  // Occlusion is red, roughness green, metalness blue. They share one image, unless a material has them in two.
   void PlanSurface() {
     bool equal_metal = false, equal_rough = false, equal_strength = false;
     const std::vector<float> metal = OfMembers<float>(
@@ -162,7 +162,7 @@ class MergePlanner {
           return NumberAt(member.json, Pointer("/pbrMetallicRoughness/roughnessFactor"), 1);
         },
         &equal_rough);
-    // Those without occlusion have any strength.
+    // Members without occlusion do not count, since any strength suits them.
     std::set<float> strengths;
     for (const MergedMember& member : group_.members) {
       if (member.UseAt(kOcclusion) != nullptr) strengths.insert(NumberAt(member.json, kOcclusion / "strength", 1));
@@ -240,7 +240,7 @@ class MergePlanner {
     plan_.images.push_back(std::move(image));
   }
 
-  // Normals, and textures of extensions, whose factors are equal.
+  // Plans normals, or a texture of an extension. The factors of extensions are equal in all members.
   void PlanOther(const Pointer& at) {
     PlannedImage image;
     image.name = at.back().substr(0, at.back().rfind("Texture"));
@@ -264,7 +264,7 @@ class MergePlanner {
       if (use == nullptr && meaning == TextureMeaning::kNormal) options.factor = {0.5F, 0.5F, 1, 1};
       AddPart(m, use, options, &image);
     }
-    // Numbers that extensions keep in different channels of one image.
+    // Extensions may keep data in different channels of one image: shares an image that is drawn from the same parts.
     for (PlannedImage& other : plan_.images) {
       const bool is_same =
           meaning == TextureMeaning::kData && other.name != "baseColor" &&

@@ -1,4 +1,4 @@
-// Which images a material needs that takes the place of several. Used only in client/files.
+// Plans the images of a material that replaces several. Used only in client/files.
 #pragma once
 
 #include <cstddef>
@@ -27,28 +27,28 @@ struct MergedGroup {
   bool has_colors = false;  // vertex colours are painted into the base colours
 };
 
-// What some of the materials draw into a new image.
+// A part of a new image: what is drawn for some of the members.
 struct PlannedPart {
   std::vector<std::size_t> members;
-  const GltfTextureUse* use = nullptr;  // in the group; null: a constant, of white with the options' factor and offset
+  const GltfTextureUse* use = nullptr;  // of a member; null: a constant, white with the options' factor and offset
   BakeOptions options;
 };
 
 struct PlannedImage {
   std::string name;
-  std::vector<Json::json_pointer> slots;  // where the new material refers to it
+  std::vector<Json::json_pointer> slots;  // where the new material refers to the image
   std::vector<PlannedPart> parts;
   bool may_have_alpha = false;
   bool has_colors = false;
 };
 
 struct MergePlan {
-  Json material = Json::object();  // its slots have no index yet
+  Json material = Json::object();  // its textureInfos have no index yet
   std::vector<PlannedImage> images;
 };
 
-// A factor that all members have stays a factor; others are painted in. Occlusion, roughness and metalness share an
-// image where they can.
+// Plans the material of a group. A factor that is equal in all members stays a factor; others are painted into images.
+// Occlusion, roughness and metalness share an image where they can.
 MergePlan PlanMerge(const MergedGroup& group);
 
 // "wood+steel+2 more": at most `most` names.

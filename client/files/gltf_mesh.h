@@ -1,4 +1,4 @@
-// The triangles of a glTF file, and the origin of each corner. Used only in client/files.
+// The triangles of a glTF file, and the glTF vertex of each corner. Used only in client/files.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ namespace planish {
 // Vertices shared by primitives of one mesh that have the same attributes and morph targets.
 struct GltfPool {
   std::int64_t num_vertices = 0;
-  // With KHR_draco_mesh_compression: its points, and the indices of its attributes.
+  // The decoded points, if the primitive uses KHR_draco_mesh_compression.
   std::optional<DracoPoints> draco;
 };
 
@@ -43,12 +43,13 @@ constexpr char kDracoExtension[] = "KHR_draco_mesh_compression";
 // The JSON of a primitive.
 Json& PrimitiveJson(Json& root, const GltfPrimitive& primitive);
 const Json& PrimitiveJson(const Json& root, const GltfPrimitive& primitive);
-// Its Draco extension, or null.
+// The Draco extension in the JSON of a primitive, or null.
 const Json* DracoJson(const Json& primitive);
 
 // Parses a glTF or GLB file and checks every accessor used by a primitive of triangles, so that writing the file cannot
-// fail on them. The polygons are the triangles of all meshes, each mesh once, whatever nodes show it. Triangles with
-// two equal indices, which join strips, are left out. Vertices of a mesh at the same position (to the bit) become one.
+// fail on them. The polygons are the triangles of all meshes, each mesh once, whatever nodes show it. Triangles of
+// strips and fans with two equal indices, which join strips, are left out. Vertices of a mesh at the same position (to
+// the bit) become one.
 // Positions are those of the mesh, without node transformations. UV are those of TEXCOORD_`texcoord`. Materials and
 // meshes become the materials and groups of the polygons.
 absl::StatusOr<PolygonMesh> ReadGltf(const std::string& path, std::string_view bytes, int texcoord,

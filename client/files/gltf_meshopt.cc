@@ -17,14 +17,14 @@ namespace {
 
 constexpr std::array<const char*, 2> kExtensions = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 constexpr std::int64_t kViewAlignment = 8;
-// The first bytes of streams that meshoptimizer 0.18 decodes, without the version in their low half, and the latest
-// supported version.
+// Per mode of compression: the high four bits of a stream's first byte, and the latest version, in the low four bits,
+// that meshoptimizer 0.18 decodes.
 struct Codec {
   const char* mode;
   unsigned char header, version;
 };
 constexpr std::array<Codec, 3> kCodecs = {{{"ATTRIBUTES", 0xa0, 0}, {"TRIANGLES", 0xe0, 1}, {"INDICES", 0xd0, 1}}};
-// At best two bits encode 16 bytes, so a small file cannot claim much memory.
+// Most decoded bytes per compressed byte: two bits encode 16 bytes at best. So a small file cannot claim much memory.
 constexpr std::int64_t kMostPerByte = 64;
 
 // A view's compression parameters.

@@ -7,8 +7,9 @@
 namespace planish {
 
 // Decompresses the views of `document`, whose buffers were loaded, into an additional buffer, and removes the
-// extensions from the JSON, so that the file is written without compression. meshoptimizer 0.18 does not support the
-// successor's own version and its filter COLOR: such a view is read from the file's fallback buffer, if it has one.
+// extensions from the JSON, so that the file is written without compression. meshoptimizer 0.18 supports neither the
+// stream version nor the filter COLOR that KHR_meshopt_compression added: such a view is read from the file's fallback
+// buffer, if it has one.
 // FILE_MALFORMED, FILE_UNSUPPORTED (metadata "element").
 absl::Status DecompressMeshopt(GltfDocument* document);
 

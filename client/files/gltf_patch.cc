@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// Of offsets in a file; no glTF type needs more.
+// Alignment of offsets in a file, in bytes; no glTF type needs more.
 constexpr std::size_t kAlignment = 8;
 
 void Pad(std::string* bytes, std::size_t remainder) {
@@ -19,13 +19,14 @@ void Count(std::int64_t index, std::vector<std::int64_t>* uses) {
   if (index >= 0 && index < static_cast<std::int64_t>(uses->size())) ++(*uses)[static_cast<std::size_t>(index)];
 }
 
-// Extensions that are known not to refer to accessors or views: materials, textures and lights have many other numbers.
+// Whether an extension is known not to refer to accessors or views. (Extensions of materials, textures and lights have
+// many numbers that mean other things.)
 bool RefersToNoBytes(std::string_view extension) {
   for (const std::string_view prefix :
        {"KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "MSFT_texture_"}) {
     if (extension.substr(0, prefix.size()) == prefix) return true;
   }
-  // Counted separately.
+  // CountUses() counts the view of Draco.
   return extension == kDracoExtension;
 }
 
@@ -44,7 +45,7 @@ GltfPatch::GltfPatch(const GltfDocument& document) : document_(document), json_(
   CountUses();
 }
 
-// Any whole number inside an unknown extension may be an index of either kind.
+// Counts every whole number inside an unknown extension, since it may be the index of an accessor or of a view.
 void GltfPatch::CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses) {
   if (value.is_number_integer()) {
     has_unknown_indices_ = true;
@@ -141,7 +142,7 @@ void GltfPatch::Release(std::int64_t old, std::int64_t uses) {
   free_accessors_.push_back(old);
 }
 
-// Removes free accessors at the end of the list, which changes no other index; others stay, without bytes.
+// Removes free accessors at the end of the list, which changes no other index. Other free ones stay, without bytes.
 void GltfPatch::DropFreeAccessors() {
   Json& accessors = json_["accessors"];
   std::sort(free_accessors_.begin(), free_accessors_.end());
@@ -151,10 +152,10 @@ void GltfPatch::DropFreeAccessors() {
   }
 }
 
-// Likewise. Those that stay share a byte.
+// Removes free views at the end of the list. Other free views stay, and all refer to the same byte.
 void GltfPatch::DropFreeViews() {
   Json& views = json_["bufferViews"];
-  std::size_t last = 0;  // of the descending list
+  std::size_t last = 0;  // free_views_ is descending: the views before this one are removed
   while (last < free_views_.size() && free_views_[last] + 1 == static_cast<std::int64_t>(views.size())) {
     views.erase(views.size() - 1);
     ++last;
@@ -233,7 +234,7 @@ std::string GltfPatch::TakeBuffer() {
   DropFreeAccessors();
   DropFreeViews();
   Json& views = json_["bufferViews"];
-  // The used ranges of each old buffer. No view extends beyond the range that it is in; views may overlap.
+  // Per old buffer, the ranges of the views that are still used. They may overlap.
   struct Range {
     std::int64_t begin, end;
     std::size_t view;
@@ -253,7 +254,7 @@ std::string GltfPatch::TakeBuffer() {
     ranges[static_cast<std::size_t>(buffer)].push_back({begin, begin + length, v});
   }
   std::string result;
-  // With room for what a GLB has beside it (GlbBytes). Memory that is not written to costs nothing.
+  // Leaves room for what GlbBytes() puts around the buffer. Reserved memory that is never written to costs nothing.
   constexpr std::size_t kRoom = 1 << 20;
   std::size_t most = kRoom;
   for (const auto& list : ranges) {
@@ -290,7 +291,7 @@ std::string GltfPatch::TakeBuffer() {
     bytes = std::string();
   }
   if (result.empty() && !free_views_.empty()) result.resize(1);
-  // The merged buffer keeps the first one's name and extras.
+  // The merged buffer keeps the name and extras of the first old buffer.
   Json& buffers = ArrayAt(json_, "buffers");
   if (buffers.empty()) buffers.push_back(Json::object());
   Json buffer = buffers[0];

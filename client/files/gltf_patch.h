@@ -12,8 +12,8 @@
 namespace planish {
 
 // Indices of accessors and bufferViews never change, since extensions may refer to them in unknown ways. An accessor is
-// replaced in place if nothing else uses it; otherwise the new one is added at the end. Unused views get the new bytes.
-// Anything in an unknown extension that looks like an index counts as a use.
+// replaced in place if nothing else uses it; otherwise the new one is added at the end. New bytes go into views that
+// are no longer used, if there are any. Whatever looks like an index in an unknown extension counts as a use.
 class GltfPatch {
  public:
   // Works on a copy of document.json. `document` must have been read by ReadGltf, and outlive the object.
@@ -22,15 +22,15 @@ class GltfPatch {
   Json& json() { return json_; }
 
   // Removes `uses` uses of accessor `old` (-1: none) and adds an accessor with `bytes` in its own view. `shape` has
-  // componentType, count, type and other members of the accessor; the old one's name and extras are kept. `stride` 0:
-  // the view has none; the same for `target`. Returns the accessor's index.
+  // componentType, count, type and other members of the accessor; the old one's name and extras are kept. `stride` or
+  // `target` 0: the view does not have that member. Returns the accessor's index.
   std::int64_t Replace(std::int64_t old, std::int64_t uses, const Json& shape, std::string bytes, std::int64_t stride,
                        std::int64_t target);
-  // The same without bytes, for values held by Draco.
+  // As Replace(), but the accessor gets no view, because Draco holds the values.
   std::int64_t ReplaceWithoutBytes(std::int64_t old, std::int64_t uses, const Json& shape);
   // Removes `uses` uses of accessor `old`, and its bytes if there are no other uses.
   void Release(std::int64_t old, std::int64_t uses);
-  // Removes one use of `old_view` (-1: none) and puts `bytes` into a view. Returns its index.
+  // Removes one use of `old_view` (-1: none) and puts `bytes` into a view. Returns the index of that view.
   std::int64_t AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target);
 
   // Removes one use of view `old` (-1: none), and its bytes if there are no other uses.
@@ -55,7 +55,7 @@ class GltfPatch {
   std::vector<std::int64_t> accessor_uses_;
   std::vector<std::int64_t> view_uses_;
   bool has_unknown_indices_ = false;
-  std::vector<std::int64_t> free_views_;      // descending: the first one is taken first
+  std::vector<std::int64_t> free_views_;      // descending, so that back(), the first of the file, is reused first
   std::vector<std::int64_t> free_accessors_;  // released and not reused yet
   std::map<std::int64_t, std::string> new_views_;
 };

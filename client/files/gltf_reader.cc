@@ -14,10 +14,10 @@ constexpr std::int64_t kMostCorners = std::numeric_limits<std::int32_t>::max();
 
 enum Mode { kPoints = 0, kTriangles = 4, kStrip = 5, kFan = 6 };
 
-// The polygon mesh's ids for the vertices of a pool.
+// Per vertex of a pool: the ids of its position and its UV in the polygon mesh.
 struct PoolVertices {
   std::vector<std::int32_t> vertex;
-  std::vector<std::int32_t> texcoord;  // kNoId: the pool has no such attribute
+  std::vector<std::int32_t> texcoord;  // empty: the pool has no such attribute
 };
 
 class GltfReader {
@@ -87,7 +87,7 @@ class GltfReader {
     if (gltf_->pools[primitive.pool].draco) {
       primitive.is_list = true;
       if (json.contains("indices")) {
-        // It has no data, but is written again.
+        // Draco holds the indices, so the accessor has no data; but the writer replaces it, so it must exist.
         const absl::StatusOr<std::int64_t> indices =
             GltfIndex(document(), json["indices"], element_ + ".indices", num_accessors_);
         if (!indices.ok()) return indices.status();
@@ -118,7 +118,7 @@ class GltfReader {
     const Json* const draco = DracoJson(json);
     const auto targets = json.find("targets");
     Json key = Json::array({attributes, targets == json.end() ? Json() : *targets});
-    if (draco != nullptr) key.push_back(element_);  // its points are not shared
+    if (draco != nullptr) key.push_back(element_);  // primitives do not share Draco's points
     const auto [entry, is_new] = pool_of_attributes_.emplace(key.dump(), gltf_->pools.size());
     if (!is_new) return entry->second;
     GltfPool pool;
@@ -238,12 +238,12 @@ class GltfReader {
       }
       if (attribute == nullptr) return GltfFault(document(), where, "the Draco data have no attribute " + id.dump());
       if (name != "POSITION" && name != uv_name_) continue;
-      // Treated as an accessor, as Draco's values have the same layout.
+      // Describes Draco's values as an accessor, since they have the same layout.
       GltfAccessor accessor;
       accessor.element = where;
       accessor.count = points->num_points;
       accessor.components = attribute->components;
-      // The primitive's accessors describe Draco's integers as well.
+      // The primitive's accessor says whether Draco's integers are normalized.
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t index,
                                GltfIndex(document(), attributes[name], where, num_accessors_));
       const Json& json = document().json["accessors"][static_cast<std::size_t>(index)];
@@ -340,7 +340,7 @@ class GltfReader {
   GltfMesh* gltf_ = nullptr;
   std::int64_t num_accessors_ = 0;
   std::int64_t num_materials_ = 0;
-  // Of the current mesh.
+  // State of the current mesh.
   std::string element_;  // the current primitive
   ValueIndex welded_;
   std::int64_t first_vertex_ = 0;

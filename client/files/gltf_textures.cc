@@ -60,7 +60,7 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   const std::vector<std::int32_t>& atlas_of = options.textures.polygon_atlas;
   for (std::int64_t m = 0; m < count; ++m) {
     std::vector<GltfTextureUse> uses = TextureUses(root_, m);
-    // Textures that use other sets of UV still fit.
+    // Textures that use another set of UV still fit, and stay as they are.
     std::erase_if(uses, [&](const GltfTextureUse& use) {
       return use.texcoord != options.texcoord || TextureSources(root_, use.texture).empty();
     });
@@ -179,7 +179,7 @@ absl::StatusOr<double> GltfTextures::EstimateSide(double total_area) {
     PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, reading.bake.name));
     const std::vector<double> anywhere(2 * gltf_.corner_vertex.size(), 0);
     PLANISH_RETURN_IF_ERROR(FillTriangles(anywhere, {}, &reading));
-    // In the new map each triangle gets its share of the area.
+    // There is no new map yet: gives each triangle its share of the area of the map.
     for (std::size_t t = 0; t < reading.bake.triangles.size(); ++t) {
       const double leg = std::sqrt(2 * kFilled * reading.bake.areas[t] / total_area);
       reading.bake.triangles[t].to = {Vec2(0, 0), Vec2(leg, 0), Vec2(0, leg)};
@@ -240,8 +240,7 @@ void GltfTextures::WriteMaterials(Json* json, std::vector<OutputWarning>* warnin
 void GltfTextures::WriteTextures(Json* json) {
   // Old textures and images that some material or texture still uses.
   std::vector<bool> keeps_texture(root_["textures"].size(), false), keeps_image(root_["images"].size(), false);
-  std::map<std::int64_t, std::set<std::string>> moved;  // by material
-  std::set<std::int64_t> left;                          // groups that are clones do not change the material itself
+  std::map<std::int64_t, std::set<std::string>> moved;  // by material: the slots whose textures are moved
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     if (is_shared_[g]) continue;
     for (const GltfTextureUse& use : groups_[g].uses) moved[groups_[g].material].insert(use.at.to_string());
@@ -256,14 +255,13 @@ void GltfTextures::WriteTextures(Json* json) {
   }
   std::vector<bool> is_moved(keeps_texture.size(), false);
   for (const NewTexture& texture : textures_) is_moved[static_cast<std::size_t>(texture.old)] = true;
-  std::vector<bool> was_read(keeps_image.size(), false);
   for (std::size_t t = 0; t < keeps_texture.size(); ++t) {
     for (const GltfTextureSource& source : TextureSources(root_, static_cast<std::int64_t>(t))) {
       if (source.image >= static_cast<std::int64_t>(keeps_image.size())) continue;
       if (keeps_texture[t] || !is_moved[t]) keeps_image[static_cast<std::size_t>(source.image)] = true;
     }
   }
-  // New images reuse the places of old ones, preferably their own.
+  // The first new version of an image replaces it if nothing else uses the old image. Others are added at the end.
   for (Reading& reading : readings_) {
     auto place = static_cast<std::size_t>(reading.image);
     if (keeps_image[place]) {
@@ -289,7 +287,7 @@ void GltfTextures::WriteTextures(Json* json) {
       Json& holder = sources[s].extension.empty() ? out : out["extensions"][sources[s].extension];
       holder["source"] = readings_[texture.readings[s]].slot;
     }
-    // Charts in other tiles read the image only if it repeats.
+    // With several atlases, charts lie in other tiles than the image, so the image must repeat: removes its wrap modes.
     const Json* const sampler = SamplerOfTexture(root_, texture.old);
     const std::array<TextureWrap, 2> wraps = TextureWraps(root_, texture.old);
     const bool repeats = wraps[0] == TextureWrap::kRepeat && wraps[1] == TextureWrap::kRepeat;
@@ -319,7 +317,7 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
   }
   image.erase("uri");
   image["mimeType"] = MimeType(kind);
-  // The old image's view is replaced with its last reading.
+  // The version that replaces the old image replaces its view too.
   const bool is_own_place = slot == static_cast<std::size_t>(reading.image);
   image["bufferView"] = patch->AddView(is_own_place ? GltfIntAt(old, "bufferView", -1) : -1, std::move(bytes), 0, 0);
 }

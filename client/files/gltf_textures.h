@@ -3,8 +3,8 @@
 // Textures that materials use with the replaced UV are resampled and used with the new UV, without
 // KHR_texture_transform; those used with other sets of UV stay. An image gets a new version for each way in which it is
 // read (transformation, wrap modes, colour or data, atlas). Textures that read an image in the same way keep sharing
-// it. New images and textures reuse the places of old ones that are not used any more. Materials that are merged, and
-// vertex colours that are painted, are GltfMerge's.
+// it. New images and textures reuse the places of old ones that are not used any more. GltfMerge handles materials that
+// are merged and vertex colours that are painted.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ namespace planish {
 
 class GltfTextures {
  public:
-  // Finds the affected materials. `gltf` and `options` outlive the object.
+  // Finds the affected materials. `gltf` and `options` must outlive the object.
   GltfTextures(const GltfMesh& gltf, const OutputOptions& options);
 
   // Whether there is nothing to do.
@@ -35,19 +35,19 @@ class GltfTextures {
   bool NeedsTangents(std::size_t primitive) const {
     return needs_tangents_[primitive] || merge_.NeedsTangents(primitive);
   }
-  // Whether the primitive's COLOR_0 is painted into an image, and must go.
+  // Whether the primitive's COLOR_0 is painted into an image, so that the attribute must be removed.
   bool BakesColors(std::size_t primitive) const { return merge_.BakesColors(primitive); }
-  // Checks, before there is a map, that every image can be read and resampled. With `deep` reads the UV too.
+  // Checks, before there is a map, that every image can be read and resampled.
   absl::Status Check() const;
 
-  // EstimateTextureSide() (mesh_output.h).
+  // Estimates the side of the new images as EstimateTextureSide() (mesh_output.h) does.
   absl::StatusOr<double> EstimateSide(double total_area);
 
-  // Resamples the images and edits the document. `uv`: per corner of the triangles, v downwards. `tangents`: the same
-  // for tangents of the new map; empty if no primitive needs them. Appends image files and warnings to `written`.
+  // Resamples the images and edits the document. Per corner of the triangles: `uv`, v downwards, and `tangents` of the
+  // new map, empty if no primitive needs them. Appends image files and warnings to `written`.
   absl::Status Move(const std::vector<double>& uv, const std::vector<std::array<float, 4>>& tangents, GltfPatch* patch,
                     WrittenMesh* written);
-  // Removes the references to the images instead.
+  // Removes the materials' references to the images instead of resampling these.
   void Drop(GltfPatch* patch, std::vector<OutputWarning>* warnings) const;
 
  private:
@@ -78,7 +78,6 @@ class GltfTextures {
   struct NewTexture {
     std::int64_t old = -1;
     std::vector<std::size_t> readings;  // one for each source of the old texture
-    bool other_tile = false;
     std::int64_t slot = -1;
   };
 
@@ -100,10 +99,10 @@ class GltfTextures {
   const GltfMesh& gltf_;
   const OutputOptions& options_;
   const Json& root_;
-  const GltfMerge merge_;  // the primitives that it has are not in groups_
+  const GltfMerge merge_;  // the primitives that it handles are not in groups_
   std::vector<Group> groups_;
   std::vector<bool> needs_tangents_;  // per primitive of triangles
-  std::vector<bool> is_shared_;       // per group: whether others use the material, too
+  std::vector<bool> is_shared_;       // per group: whether it gets a clone of the material, which others use too
   std::vector<Reading> readings_;
   std::map<std::string, std::size_t> reading_of_key_;
   std::vector<NewTexture> textures_;

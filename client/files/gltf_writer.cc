@@ -105,7 +105,7 @@ class GltfUvWriter {
 
     Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
     for (const std::size_t user : users) NoteTextures(gltf_.primitives[user]);
-    // Tangents belong to the UV of the normal map, or of the first set without one.
+    // Tangents belong to the UV set of the normal map, or to set 0 if there is no normal map.
     const bool drops_tangents = writes_tangents || std::any_of(users.begin(), users.end(), [this](std::size_t user) {
                                   return TangentTexcoord(gltf_.primitives[user]) == options_.texcoord;
                                 });
@@ -166,12 +166,12 @@ class GltfUvWriter {
   }
 
   // Computes the tangents of the users' corners for the new UV, and splits vertices with several tangents. Returns four
-  // numbers a vertex. Empty without normals: then renderers compute flat normals, and tangents for them.
+  // numbers per vertex; none if a user has no normals, because renderers then compute flat normals and their tangents.
   absl::StatusOr<std::vector<double>> SplitByTangents(const std::vector<std::size_t>& users, bool is_draco,
                                                       CornerSplit* split) {
     TangentCorners corners;
     bool all_have_normals = true;
-    std::vector<std::size_t> numbers;  // of the corners in the file
+    std::vector<std::size_t> numbers;  // per corner: its index among the corners of all primitives
     for (const std::size_t user : users) {
       const GltfPrimitive& primitive = gltf_.primitives[user];
       bool are_given = false;
@@ -193,7 +193,7 @@ class GltfUvWriter {
     if (tangents_.empty()) tangents_.resize(gltf_.corner_vertex.size(), {1, 0, 0, 1});
     for (std::size_t c = 0; c < numbers.size(); ++c) tangents_[numbers[c]] = tangents[c];
     if (!all_have_normals) return std::vector<double>();
-    // Splits by ids of tangents in place of UV.
+    // SplitCorners() compares UV, so the id of a corner's tangent stands in for its UV.
     std::map<std::array<float, 4>, double> ids;
     std::vector<double> id_of_corner;
     for (const std::array<float, 4>& tangent : tangents) {
@@ -218,7 +218,7 @@ class GltfUvWriter {
     return of_vertex;
   }
 
-  // Accessor `index`, extended to a value for each vertex of the split.
+  // Replaces accessor `index` by one with a value for each vertex of the split, and returns the index of that.
   absl::StatusOr<std::int64_t> Grown(const Json& index, const CornerSplit& split, std::int64_t uses) {
     const std::int64_t old = index.get<std::int64_t>();
     PLANISH_ASSIGN_OR_RETURN(const GltfAccessor accessor, OpenAccessor(gltf_.document, old));
@@ -239,7 +239,7 @@ class GltfUvWriter {
     return patch_.ReplaceWithoutBytes(old, uses, Shape(old, count));
   }
 
-  // The shape of an accessor. Bounds stay, as copies add no new values.
+  // The JSON of an accessor with `count` elements, without bytes. Its bounds stay, since copies add no new values.
   Json Shape(std::int64_t old, std::int64_t count) const {
     Json shape = gltf_.document.json["accessors"][static_cast<std::size_t>(old)];
     for (const char* gone : {"bufferView", "byteOffset", "sparse"}) shape.erase(gone);
@@ -247,7 +247,8 @@ class GltfUvWriter {
     return shape;
   }
 
-  // Strips and fans become lists, since they cannot refer to two copies of a vertex.
+  // Writes the indices. Strips and fans become lists: one of their indices belongs to several triangles, which may need
+  // different copies of a vertex.
   void WriteIndices(const std::vector<std::int32_t>& indices, std::int64_t num_vertices, Json* primitive) {
     std::int64_t old = -1;
     GltfComponent component = GltfComponent::kUshort;
@@ -308,7 +309,7 @@ class GltfUvWriter {
     return absl::OkStatus();
   }
 
-  // Uncompressed fallback data has been removed.
+  // Lists Draco as a required extension, since the uncompressed fallback has been removed.
   void RequireDraco() {
     for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
       Json& names = patch_.json()[list];

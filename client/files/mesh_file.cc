@@ -80,7 +80,7 @@ absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const Read
                      file.path + ": is a terminal; pipe a mesh into it, or name a file", {{"path", file.path}});
   }
   std::optional<MeshFormat> format = FormatOfPath(path);
-  // A missing file is reported first, since a wrong name is the likelier mistake.
+  // Opens a file of unknown format too: if it is missing, that is reported, since a wrong name is the likelier mistake.
   const bool is_stream = !format && IsStream(path);
   PLANISH_ASSIGN_OR_RETURN(file.bytes, format || is_stream ? ReadWholeFile(path) : ReadFileStart(path, 0));
   if (is_stream) format = FormatOfBytes(file.bytes);
@@ -127,7 +127,8 @@ bool IsStream(const std::string& path) {
 std::optional<MeshFormat> FormatOfBytes(std::string_view bytes) {
   if (bytes.starts_with("glTF")) return MeshFormat::kGlb;
   if (bytes.starts_with("DRACO")) return MeshFormat::kDraco;
-  // A binary STL may begin with anything, even "solid": 80 bytes, the number of triangles, and 50 bytes for each.
+  // A binary STL may begin with anything, even "solid", so its size decides: 80 bytes, the number of triangles, and 50
+  // bytes for each.
   std::uint32_t triangles = 0;
   if (bytes.size() >= 84) std::memcpy(&triangles, bytes.data() + 80, sizeof triangles);
   if (bytes.size() >= 84 && bytes.size() == 84 + std::uint64_t{50} * triangles) return MeshFormat::kStl;
@@ -197,7 +198,7 @@ std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
   std::vector<std::array<double, 3>> colors;
   if (!file.gltf) return colors;
   for (std::size_t i = 0; i < file.mesh.material_names.size(); ++i) {
-    std::array<double, 3> color = {1, 1, 1};  // the standard's default
+    std::array<double, 3> color = {1, 1, 1};  // glTF's default
     const Json& material = file.gltf->document.json["materials"][i];
     const Json* const surface = GltfObject(material, "pbrMetallicRoughness");
     const auto factor = surface != nullptr ? surface->find("baseColorFactor") : material.end();

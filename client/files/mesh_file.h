@@ -16,9 +16,10 @@ namespace planish {
 
 enum class MeshFormat { kObj, kPly, kOff, kStl, kGltf, kGlb, kDraco };
 
-// By the extension, in any case: .obj, .ply, .off, .stl, .gltf, .glb, .drc.
+// The format of a path by its extension, in upper or lower case: .obj, .ply, .off, .stl, .gltf, .glb, .drc. nullopt for
+// any other.
 std::optional<MeshFormat> FormatOfPath(const std::string& path);
-// By the first bytes; for STL also by the size, for OBJ by the lines. nullopt: none of these formats.
+// The format of a file by its first bytes; STL also by the size, OBJ by a line. nullopt: none of these formats.
 std::optional<MeshFormat> FormatOfBytes(std::string_view bytes);
 // Whether `path` is "-" (stdin or stdout) or in /dev or /proc/self/fd, so that its name does not tell the format.
 bool IsStream(const std::string& path);
@@ -37,7 +38,7 @@ struct MeshFile {
 };
 
 struct ReadOptions {
-  int texcoord = 0;  // glTF: the file's UV are TEXCOORD_n
+  int texcoord = 0;  // glTF: the n of the TEXCOORD_n that is read as UV
 };
 
 // Reads OBJ, PLY (ascii and binary), OFF (text), STL (ascii and binary; corners at exactly the same position become one
@@ -51,7 +52,7 @@ struct ReadOptions {
 // ("meshes[3].primitives[0].indices"), else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
 
-// The same for bytes in memory in this format. Buffers that a glTF refers to are read from beside `path`.
+// As ReadMeshFile(), for bytes in memory in this format. Buffers that a glTF refers to are read from beside `path`.
 absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat format, std::string bytes,
                                        const ReadOptions& options = {});
 
@@ -60,12 +61,12 @@ absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat forma
 std::vector<int> UvSets(const MeshFile& file);
 
 // Red, green and blue of each of mesh.material_names, from 0 to 1 in sRGB: the base colour factor of a glTF. Empty for
-// formats without colours.
+// other formats.
 std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file);
 
 // The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
 // file.mesh.corner_vertex. `uv_is_float`: rounds them to float. The digits read back to exactly the same numbers, as
-// float and as double. (The fewer digits that a float needs would make touching faces overlap for a reader of doubles.)
+// float and as double. (The shortest digits of a float would make touching faces overlap for a reader of doubles.)
 // There is one vt per distinct (vertex, u, v), where -0 equals 0, in the order in which corners first use them.
 //
 // From an OBJ: the file's own bytes, except that the old vt lines are removed, the new ones are in one block before the

@@ -31,7 +31,7 @@ absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr
   return written;
 }
 
-// Draco has only floats and no translation.
+// Warns if positions are so far from the origin that floats are coarse: Draco has only floats and no translation.
 void WarnOfFarPositions(const PolygonMesh& mesh, std::vector<OutputWarning>* warnings) {
   if (LocalOrigin(mesh.positions).isZero(0)) return;
   warnings->push_back({"POSITION_PRECISION",
@@ -56,7 +56,7 @@ absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPoly
   return result;
 }
 
-// In the format of the output. `base_color`: of PlainGltf().
+// Writes the mesh in the format of the output. `base_color`: as for PlainGltf().
 absl::StatusOr<WrittenMesh> WriteAs(const MeshFile& file, const WrittenPolygons& written, const OutputOptions& options,
                                     const std::string& base_color) {
   const bool is_own = file.format == options.format;
@@ -105,7 +105,7 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
   return result;
 }
 
-// A new set must directly follow the existing ones.
+// OUTPUT_UNSUPPORTED unless the new set of UV directly follows or replaces one of the existing sets.
 absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
   if (!IsGltf(file.format)) return absl::OkStatus();
   for (const GltfPrimitive& primitive : file.gltf->primitives) {
@@ -181,7 +181,7 @@ std::optional<int> FreeUvSet(const MeshFile& file) {
 
 absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonUv& uv, const OutputOptions& options) {
   OutputOptions unchecked = options;
-  unchecked.textures.mode = TextureMode::kLeave;  // images are read when they are resampled
+  unchecked.textures.mode = TextureMode::kLeave;  // resampling reads the images, so they are not checked here
   PLANISH_RETURN_IF_ERROR(CheckOutput(file, unchecked));
   if (!options.uv_is_float && IsFloatByNature(options.format)) {
     return MakeError(absl::StatusCode::kInvalidArgument, "UV_PRECISION",

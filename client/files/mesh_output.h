@@ -14,23 +14,23 @@
 
 namespace planish {
 
-// What to do with the images of materials that use the UV which are replaced.
+// What to do with the images of materials that use the replaced UV.
 enum class TextureMode {
   kLeave,     // unchanged; a warning lists them, as they no longer fit
   kTransfer,  // resampled into the new map (client/texture)
   kDrop,      // the material's references are removed, and images that nothing else uses (glTF)
 };
 
-// An image that is drawn next.
+// The image that is resampled next.
 struct ImageProgress {
   std::string name;
-  std::size_t number = 1, count = 1;  // which of how many
+  std::size_t number = 1, count = 1;  // the image's number, from 1, and the number of images
 };
 
 struct TextureOptions {
   TextureMode mode = TextureMode::kLeave;
   int size = 0;             // texels per side of the new images; 0: by client/texture's TextureSideOf()
-  int least_size = 1;       // for size 0: smaller images would have no free texel between charts
+  int least_size = 1;       // least side if size is 0: smaller images would have no free texel between charts
   std::int64_t memory = 0;  // limit for one image, in bytes; 0: no limit
   // glTF: materials that differ only in images and factors become one, with one set of images and, where their
   // attributes agree, one primitive a mesh. For kTransfer.
@@ -39,7 +39,7 @@ struct TextureOptions {
   bool bake_colors = false;
   bool allow_outside = false;  // whether images may be outside of the model's folder
   int threads = 1;
-  const std::atomic<bool>* stop = nullptr;  // ends with CANCELLED once it is true
+  const std::atomic<bool>* stop = nullptr;             // once true, the call ends with CANCELLED
   std::function<void(const ImageProgress&)> on_image;  // called before each image
   // The atlas of each polygon of the file; empty if there is only one.
   std::vector<std::int32_t> polygon_atlas;
@@ -66,35 +66,37 @@ struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
   // not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an image would have to
   // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. MATERIALS_MERGED:
-  // several became one. MATERIAL_NOT_MERGED: one is animated, or belongs to variants. COLORS_BAKED: vertex colours are
-  // in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: they could not be. TANGENTS_DROPPED:
-  // tangents belonged to the replaced UV. POSITION_PRECISION: rounding to float moved vertices of a mesh far from the
-  // origin.
+  // several materials became one. MATERIAL_NOT_MERGED: a material stays apart, being animated or part of variants.
+  // COLORS_BAKED: vertex colours are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex
+  // colours, or they could not be painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. POSITION_PRECISION:
+  // rounding to float moved vertices of a mesh far from the origin.
   std::string reason;
   std::string message;  // a sentence for people
 };
 
 struct WrittenMesh {
-  std::vector<OutputFile> files;  // the file of the given path last, those it refers to first
+  std::vector<OutputFile> files;  // OutputOptions::path comes last, after the files that it refers to
   std::vector<OutputWarning> warnings;
 };
 
-// Whether the format cannot hold UV in double. Then request UV in float.
+// Whether the format can hold UV only in float, so that the UV must be requested in float.
 bool IsFloatByNature(MeshFormat format);
 
-// Checks before there are UV: INVALID_ARGUMENT with reason OUTPUT_UNSUPPORTED if the format cannot hold UV (STL) or
-// lacks TEXCOORD sets below options.texcoord.
+// Checks, before there are UV, whether WriteMeshWithUv() can write them. INVALID_ARGUMENT, OUTPUT_UNSUPPORTED: the
+// format cannot hold UV (STL) or does not go with the options, or a primitive lacks a TEXCOORD set below
+// options.texcoord. For TextureMode::kTransfer also the errors of images that cannot be read.
 absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 
-// The side in texels that the atlas of a surface of `total_area` needs so that the densest tenth of the area covered by
-// the images of `file` keeps its texel density, if charts fill two thirds of the atlas; 0 if no image is moved.
+// The side in texels that the atlas of a surface of `total_area` needs so that nine tenths of the area that each image
+// of `file` covers keep their texel density, if charts fill two thirds of the atlas; 0 if no image is moved.
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area);
 // Whether images of the file's materials use the UV that the output replaces.
 bool TexturesRead(const MeshFile& file, const OutputOptions& options);
 // A set of UV that the file does not have yet; nullopt if its format has only one.
 std::optional<int> FreeUvSet(const MeshFile& file);
 
-// Paths, from the OBJ's folder, of its material files and of their images.
+// The paths of an OBJ's material files and of the images that these name, relative to the folder of the OBJ. `path` is
+// the path of the OBJ, `obj` its text.
 std::vector<std::string> FilesOfObj(const std::string& path, std::string_view obj);
 
 // Returns the file with UV, (u, v) per corner of file.mesh with v upwards. Torn polygons become several faces, each
@@ -104,8 +106,8 @@ std::vector<std::string> FilesOfObj(const std::string& path, std::string_view ob
 //           a new material file as well.
 //   PLY     encoding, elements, properties, comments. A list "texcoord" of faces is rewritten. Without one, vertices
 //           get "s" and "t", in place of any UV they had, and vertices with several UV are split: Blender reads only
-//           UV of vertices, MeshLab and assimp both. Copies of vertices come after the others. Comments tell our
-//           readers which they are (seam_copies.h), and the copies are removed when the file is written again.
+//           UV of vertices, MeshLab and assimp read both. Copies of vertices come after the others. Comments tell our
+//           readers which vertices are copies (seam_copies.h), and writing the file again removes these.
 //   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; the rest of their lines stays.
 //   glTF    everything. TEXCOORD_n of the primitives is added or replaced; their vertices are split like those of PLY,
 //           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:

@@ -10,7 +10,7 @@
 namespace planish {
 namespace {
 
-// Keywords and their meaning; reflection maps do not use UV.
+// The keywords of maps, and the meaning of their images. Reflection maps are not listed, as they do not use UV.
 struct MapKeyword {
   const char* keyword;
   TextureMeaning meaning;
@@ -24,7 +24,8 @@ constexpr MapKeyword kMapKeywords[] = {
     {"map_disp", TextureMeaning::kData}, {"decal", TextureMeaning::kColor},    {"norm", TextureMeaning::kNormal},
     {"map_kn", TextureMeaning::kNormal}, {"map_norm", TextureMeaning::kNormal}};
 
-// The number of words after an option; those of -o, -s and -t are one to three numbers.
+// The most words that follow an option: -o, -s and -t have one to three numbers, other options a fixed number of words.
+// nullopt: there is no such option.
 std::optional<int> WordsOfOption(std::string_view option) {
   for (const std::string_view one :
        {"-blendu", "-blendv", "-boost", "-bm", "-cc", "-clamp", "-imfchan", "-texres", "-type"}) {
@@ -140,7 +141,7 @@ std::vector<std::string> MaterialLibraries(std::string_view obj) {
     ObjTokens tokens(obj, statement);
     std::string_view word;
     if (!tokens.Next(&word) || word != "mtllib") continue;
-    // One file whose name has blanks, or several files. Exporters write the former.
+    // The words may be one file name with blanks, or several files. Exporters write the former.
     std::string all;
     while (tokens.Next(&word)) all.append(all.empty() ? "" : " ").append(word);
     if (!all.empty() && std::find(names.begin(), names.end(), all) == names.end()) names.push_back(all);

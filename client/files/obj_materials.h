@@ -37,10 +37,10 @@ struct MtlFile {
 
 MtlFile ParseMtl(std::string_view text);
 
-// "map_Kd -bm 1 out_wood.png"
+// The statement `map` with another image, such as "map_Kd -bm 1 out_wood.png".
 std::string MtlLine(const MtlMap& map, const std::string& file);
 
-// The files named by the mtllib statements of an OBJ, as spelled there, without repetitions.
+// The names in the mtllib statements of an OBJ, one per statement even if it has blanks, without repetitions.
 std::vector<std::string> MaterialLibraries(std::string_view obj);
 
 }  // namespace planish

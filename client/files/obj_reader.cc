@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t kMaxIndex = std::numeric_limits<std::int32_t>::max();
 
-// The name that applies to each polygon: of its material, its object, or its object and group.
+// Collects, for each polygon, the name that applies to it: of a material, of an object, or of an object and group.
 class Sections {
  public:
   void Enter(const std::string& name) {
@@ -21,7 +21,7 @@ class Sections {
     if (current_ == static_cast<std::int32_t>(names_.size())) names_.push_back(name);
   }
   void AddPolygon() { of_polygon_.push_back(current_); }
-  // Leaves both empty if there was no section.
+  // Leaves *of_polygon and *names empty if there was no section.
   void MoveTo(std::vector<std::int32_t>* of_polygon, std::vector<std::string>* names) {
     if (names_.empty()) return;
     *of_polygon = std::move(of_polygon_);
@@ -135,7 +135,8 @@ class ObjReader {
     return text;
   }
 
-  // Adds the vt of a corner, still as the number of a vt statement, since faces may come before it.
+  // Adds the vt of a corner, still as the number of its statement, which may come after the face. FinishTexcoords()
+  // replaces these numbers.
   void AddTexcoord(std::string_view texture) {
     std::int64_t index = 0;
     ParseInt(texture, &index);

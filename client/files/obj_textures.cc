@@ -26,7 +26,8 @@ std::string FolderOf(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash + 1);
 }
 
-// The readable material files of an OBJ: their names and contents.
+// The names and contents of an OBJ's material files that can be read. Sets *outside to IMAGE_OUTSIDE if a file lies
+// outside of the model's folder and !allow_outside.
 std::vector<std::pair<std::string, std::string>> ReadLibraries(const std::string& model, std::string_view obj,
                                                                bool allow_outside, absl::Status* outside) {
   std::vector<std::pair<std::string, std::string>> files;
@@ -48,7 +49,8 @@ std::vector<std::pair<std::string, std::string>> ReadLibraries(const std::string
   return files;
 }
 
-// Whether a height map is really a normal map: blue is high, and red and green are around the middle.
+// Whether a height map is really a normal map: most texels are unit vectors, blue is high, and red and green are around
+// the middle.
 bool LooksLikeNormals(const TextureImage& image) {
   const ImageHeader& header = image.header;
   if (header.channels < 3) return false;
@@ -59,7 +61,7 @@ bool LooksLikeNormals(const TextureImage& image) {
   for (std::size_t i = 0; i < image.texels.size(); i += step) {
     double length = 0;
     for (std::size_t c = 0; c < 3; ++c) {
-      // The higher byte of 16 bits.
+      // Of 16-bit values, takes the higher byte.
       const double value = image.texels[i + c * bytes + (bytes - 1)] / 255.0;
       mean[c] += value;
       length += (2 * value - 1) * (2 * value - 1);
@@ -221,7 +223,7 @@ absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons,
   const Triangulation triangles = Triangulate(mesh);
   std::set<std::size_t> groups(reading->groups.begin(), reading->groups.end());
   TangentCorners before, after;
-  // Charts of an atlas are within one tile.
+  // By atlas: the tile of its charts. All of them must lie in the same tile.
   std::map<std::int32_t, Vec2> tile;
   for (std::size_t f = 0; f < triangles.source_polygon.size(); ++f) {
     const auto p = static_cast<std::size_t>(triangles.source_polygon[f]);
@@ -286,7 +288,8 @@ absl::StatusOr<double> ObjTextures::EstimateSide(double total_area) {
   return side;
 }
 
-// All materials, with the new names of their images. Without images: leaves out the lines of groups_'s images.
+// The text of the new material file: all materials, with the new names of their images. `with_images` false: without
+// the lines that name images, in the materials of groups_.
 std::string ObjTextures::MtlText(bool with_images) const {
   std::string text;
   for (std::size_t l = 0; l < libraries_.size(); ++l) {
@@ -301,7 +304,7 @@ std::string ObjTextures::MtlText(bool with_images) const {
           text += library.mtl.lines[i] + "\n";
         } else if (group == nullptr) {
           const fs::path old = fs::absolute(fs::path(file_.path).parent_path() / library.folder / map->file);
-          // As in the old file, except for the path of the image.
+          // The line of the old file, except for the path of the image.
           const std::size_t at = library.mtl.lines[i].rfind(map->file);
           const std::string place =
               old.lexically_normal()
@@ -370,7 +373,7 @@ absl::Status ObjTextures::Move(const WrittenPolygons& polygons, ObjMaterialEdit*
   std::set<std::int32_t> ids;
   for (const Group& group : groups_) ids.insert(group.id);
   if (ids.size() == groups_.size()) return absl::OkStatus();
-  // Materials that are written several times.
+  // Some materials are written once per atlas: names the material of each polygon.
   const PolygonMesh& mesh = file_.mesh;
   for (std::size_t p = 0; p < mesh.polygon_material.size(); ++p) {
     const std::int32_t id = mesh.polygon_material[p];

@@ -20,7 +20,7 @@ namespace planish {
 
 class ObjTextures {
  public:
-  // Reads the material files; unreadable ones have no materials. `file` and `options` outlive the object.
+  // Reads the material files; an unreadable one counts as empty. `file` and `options` must outlive the object.
   ObjTextures(const MeshFile& file, const OutputOptions& options);
 
   // Whether no face has both UV and a material with images.
@@ -43,10 +43,10 @@ class ObjTextures {
   };
   // A material in one atlas.
   struct Group {
-    std::int32_t id = 0;  // of the mesh
+    std::int32_t id = 0;  // in PolygonMesh::material_names
     std::int32_t atlas = 0;
     std::size_t library = 0, material = 0;
-    std::string name;                   // as it is written
+    std::string name;                   // in the new material file
     std::vector<std::size_t> readings;  // one for each map
   };
   struct Reading {

@@ -21,7 +21,7 @@ class UvTable {
     }
   }
 
-  // 1-based, as in OBJ.
+  // The vt of a corner, 1-based as in OBJ.
   std::int64_t IndexOfCorner(std::int64_t corner) const { return index_of_corner_[corner] + 1; }
 
   std::string Lines(std::string_view line_end) const {
@@ -64,7 +64,8 @@ class UvTable {
   void Append(double value, std::string* text) const { AppendShortest(Rounded(value), text); }
 
   bool is_float_;
-  // Linked lists, since a vertex has few UV.
+  // The vt of a vertex form a linked list, since there are few of them: first_of_vertex_ has the first vt of each
+  // vertex, next_ the vt that follows each vt.
   std::vector<std::int64_t> first_of_vertex_;
   std::vector<std::int64_t> next_;
   std::vector<Vec2> uv_;
@@ -77,16 +78,15 @@ std::string_view Keyword(std::string_view text, const ObjStatement& statement) {
   return tokens.Next(&keyword) ? keyword : std::string_view();
 }
 
-// The end of the first line, as ObjScanner finds it.
+// The characters that end the first line, as ObjScanner finds it.
 std::string_view LineEnd(std::string_view text) {
   const std::size_t line_feed = text.find('\n');
   if (line_feed == std::string_view::npos) return text.find('\r') == std::string_view::npos ? "\n" : "\r";
   return line_feed > 0 && text[line_feed - 1] == '\r' ? "\r\n" : "\n";
 }
 
-// Offset at which the vt lines are inserted: in place of the first old vt, else after the last v or vn, both only if
-// they come before the first face, else right before that. So a one-pass reader has every vt before a face refers to
-// it.
+// The offset at which the vt lines are inserted, so that a one-pass reader has every vt before a face refers to it. Of
+// the text before the first face: where the first old vt is, else after the last v or vn, else right before the face.
 std::size_t UvOffset(std::string_view text) {
   ObjScanner scanner(text);
   ObjStatement statement;
@@ -100,7 +100,7 @@ std::size_t UvOffset(std::string_view text) {
   return text.size();
 }
 
-// Whether corners of this element, other than a face, may refer to vt.
+// Whether an element with this keyword, though not a face, has corners that may refer to vt.
 bool MayReferToUv(std::string_view keyword) {
   return keyword == "l" || keyword == "p" || keyword == "surf";
 }
@@ -190,7 +190,7 @@ class ObjWriter {
     copied_ = statement.next;
   }
 
-  // Gives the corners of a face their new vt, and removes those of other elements.
+  // Gives the corners of a face their new vt. Removes the vt from the corners of any other element.
   void RewriteCorners(const ObjStatement& statement, bool is_face) {
     ObjTokens tokens(text_, statement);
     std::string_view token;
@@ -225,7 +225,7 @@ class ObjWriter {
   std::size_t next_torn_ = 0;
 };
 
-// The shortest digits: for a float if the file had floats.
+// Appends the shortest digits that read back to the same float, or to the same double if a coordinate is no float.
 void AppendPosition(const Vec3& position, std::string* text) {
   for (const double value : {position.x(), position.y(), position.z()}) {
     *text += ' ';
@@ -253,7 +253,7 @@ class SectionLines {
     if (ids.empty() || ids[polygon] == *current) return;
     *current = ids[polygon];
     *text += keyword;
-    // A line end in a name would begin another statement.
+    // Replaces some characters: a line end in a name would begin another statement.
     std::string name = *current < 0 ? "none" : names[*current];
     for (char& c : name) c = static_cast<unsigned char>(c) < ' ' || c == '#' || c == '\\' ? '_' : c;
     *text += " " + name + "\n";

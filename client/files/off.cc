@@ -158,7 +158,7 @@ void AppendReal(double value, bool is_float, std::string* text) {
   is_float ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
 }
 
-// For the digits see WriteObjWithUv().
+// Appends a blank and a number of a UV, with the digits that WriteObjWithUv() describes.
 void AppendUv(double value, bool is_float, std::string* text) {
   AppendReal(is_float ? double{static_cast<float>(value)} : value, /*is_float=*/false, text);
 }
@@ -212,7 +212,7 @@ class OffWriter {
       edit_.CopyUntil(edit_.OffsetOf(cursor_.Peek()));
       edit_.Insert("STOFF\n");
     } else if (!had_uv_) {
-      // After a byte order mark at the begin of the token.
+      // The token may begin with a byte order mark, which stays before "ST".
       const std::size_t letters = keyword.token.size() - keyword.letters;
       edit_.Replace(keyword.token.substr(letters, 0), "ST");
     }
@@ -269,7 +269,7 @@ class OffWriter {
     cursor_.SkipLine();
   }
 
-  // Replaces old marks by new ones before the number of vertices, `count`.
+  // Removes the old seam marks, and writes new ones before the number of vertices, `count`.
   void WriteMarks(std::string_view count) {
     const std::size_t end = edit_.OffsetOf(count);
     const std::string_view before = std::string_view(file_.bytes).substr(edit_.done(), end - edit_.done());
@@ -286,7 +286,7 @@ class OffWriter {
     for (const std::string& mark : marks) edit_.Insert("# " + mark + "\n");
   }
 
-  // The file has `old_count` vertices; the last ones may be copies, which are left out.
+  // Writes the vertices with UV. The file has `old_count` vertices; the last ones may be copies, which are left out.
   void WriteVertices(std::size_t old_count) {
     const std::size_t count = file_.mesh.positions.size();
     std::vector<std::string> old(count);

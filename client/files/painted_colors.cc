@@ -31,13 +31,13 @@ std::string NameInFolder(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-// Where the next line begins after position `at`: the size of the text after its last line.
+// The offset of the line that follows the one at `at`; the size of the text if there is none.
 std::size_t AfterLine(const std::string& text, std::size_t at) {
   const std::size_t end = text.find('\n', at);
   return end == std::string::npos ? text.size() : end + 1;
 }
 
-// Names the image in the comments of the header, in place of others.
+// Names the image in a comment of the PLY's header, and removes comments that name other images.
 void NameInPly(const std::string& image, std::string* ply) {
   constexpr std::string_view kComment = "comment TextureFile ";
   std::size_t line = AfterLine(*ply, 0);

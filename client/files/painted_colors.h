@@ -1,5 +1,5 @@
-// Vertex colours painted into an image, for files other than glTF in which materials say what is painted (GltfMerge).
-// Used only in client/files.
+// Paints vertex colours into an image, unless input and output are glTF: there GltfMerge paints them, by material. Used
+// only in client/files.
 #pragma once
 
 #include <optional>
@@ -12,23 +12,23 @@
 
 namespace planish {
 
-// Whether this output has an image of vertex colours from here: options.textures.bake_colors, and the input or the
-// output is no glTF.
+// Whether the functions below make an image of vertex colours for this output: options.textures.bake_colors with
+// TextureMode::kTransfer, and the input or the output is no glTF.
 bool PaintsColors(const MeshFile& file, const OutputOptions& options);
 
 // Checks before there is a map. INVALID_ARGUMENT: OUTPUT_UNSUPPORTED for formats without a place for the image's name,
-// for stdout, for an OBJ with materials of its own and for several atlases.
+// for an OBJ or PLY on stdout, and for an OBJ with materials of its own.
 absl::Status CheckPainting(const MeshFile& file, const OutputOptions& options);
 
-// EstimateTextureSide() (mesh_output.h).
+// Estimates the side of the image as EstimateTextureSide() (mesh_output.h) does; 0 without vertex colours.
 absl::StatusOr<double> EstimatePaintedSide(const MeshFile& file, double total_area);
 
 // The vertex colours, painted into a PNG in the new map. A file without vertex colours gives an empty string and a
-// warning.
+// warning. OUTPUT_UNSUPPORTED if the map has several tiles.
 absl::StatusOr<std::string> PaintColors(const MeshFile& file, const WrittenPolygons& written,
                                         const OutputOptions& options, std::vector<OutputWarning>* warnings);
 
-// Puts the image into files beside the last of `result`, which is the OBJ or PLY, and makes that name it: an OBJ gets a
+// Adds the image to `result`, whose last file is the OBJ or PLY, and makes that file refer to the image: an OBJ gets a
 // material file; a PLY gets a comment TextureFile, which MeshLab reads.
 void AddPaintedImage(const MeshFile& file, const OutputOptions& options, std::string png, WrittenMesh* result);
 

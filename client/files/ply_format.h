@@ -25,7 +25,7 @@ struct PlyProperty {
   std::string name;
   PlyType type = PlyType::kFloat32;
   bool is_list = false;
-  PlyType count_type = PlyType::kUint8;  // of the list's length
+  PlyType count_type = PlyType::kUint8;  // type of the list's length
 };
 
 struct PlyElement {
@@ -94,7 +94,7 @@ class PlyValues {
   std::string_view bytes_;
   PlyEncoding encoding_;
   TextCursor cursor_;
-  std::size_t position_ = 0;  // binary only; the cursor has its own
+  std::size_t position_ = 0;  // in a binary file; in text, cursor_ has the position
 };
 
 }  // namespace planish

@@ -36,7 +36,7 @@ class PlyReader {
 
  private:
   absl::Status ReadVertices(const PlyElement& element) {
-    // The coordinate of each property (3 and 4: u and v), or none.
+    // Per property: 0 to 2 for x, y, z; 3 and 4 for u, v; kNoId for any other.
     std::vector<int> target_of(element.properties.size(), kNoId);
     if (layout_.vertex_uv) target_of[(*layout_.vertex_uv)[0]] = 3;
     if (layout_.vertex_uv) target_of[(*layout_.vertex_uv)[1]] = 4;
@@ -75,7 +75,7 @@ class PlyReader {
         }
       }
       if (!layout_.face_uv) continue;
-      // Faces without a texture have an empty list.
+      // Faces without a texture have an empty list, so their corners have no UV.
       face_texcoord_.resize(mesh_.polygon_begin[i + 1] - mesh_.polygon_begin[i], kNoId);
       mesh_.corner_texcoord.insert(mesh_.corner_texcoord.end(), face_texcoord_.begin(), face_texcoord_.end());
     }
@@ -137,7 +137,7 @@ class PlyReader {
     if (!layout_.vertex_uv) return;
     for (const std::int32_t vertex : mesh_.corner_vertex) mesh_.corner_texcoord.push_back(vertex_texcoord_[vertex]);
     mesh_.texcoords = texcoords_.TakeValues();
-    // With UV in faces the writer does not split vertices.
+    // If faces have UV, the writer splits no vertices, so there are none to join.
     if (!layout_.face_uv) JoinSeamVertices(header_.seam_marks, &mesh_);
   }
 

@@ -133,12 +133,13 @@ class PlyWriter {
   }
 
  private:
-  // UV that are replaced. If faces have UV, those of vertices are removed, since two sets would contradict each other.
+  // Whether the property is an old UV of vertices, which is replaced. If faces have UV, it is only removed, since two
+  // sets of UV would contradict each other.
   bool IsOldVertexUv(std::size_t property) const {
     return layout_.vertex_uv && (property == (*layout_.vertex_uv)[0] || property == (*layout_.vertex_uv)[1]);
   }
 
-  // Copies the header's lines except for changes. Line ends are those of its first line.
+  // Copies the header with the changes that the new UV need. Every line ends as the first one does.
   void WriteHeader() {
     const std::string_view text = std::string_view(file_.bytes).substr(0, header_.data_offset);
     const std::size_t first_end = text.find_first_of("\r\n");
@@ -179,7 +180,7 @@ class PlyWriter {
     }
   }
 
-  // Adds lines before the header's first element.
+  // Adds the seam marks, and the line "format" if it is missing, before the header's first element.
   void AddMarks(const std::string& line_end) {
     if (!header_.has_format) sink_.bytes += std::string("format ") + NameOf(header_.encoding) + " 1.0" + line_end;
     if (layout_.face_uv) return;
@@ -192,7 +193,7 @@ class PlyWriter {
     }
   }
 
-  // A polygon of n corners has 2 n numbers; a byte may hold n but not 2 n.
+  // The type of a texcoord list's length. A polygon of n corners has 2 n numbers; a byte may hold n but not 2 n.
   PlyType FaceUvCountType() const {
     const PlyType old = header_.elements[layout_.face].properties[*layout_.face_uv].count_type;
     std::int64_t largest = 0;
@@ -203,7 +204,7 @@ class PlyWriter {
   }
 
   absl::Status WriteVertices(const PlyElement& element) {
-    // The bytes of each old vertex without its UV, for the copies. Leaves out copies that the file already has.
+    // Per old vertex: its bytes without UV, from which copies are made. The copies in the old file are left out.
     const auto kept = static_cast<std::int64_t>(file_.mesh.positions.size());
     std::vector<std::string> old(split_.source.empty() ? 0 : static_cast<std::size_t>(kept));
     std::string bytes;

@@ -14,7 +14,8 @@ namespace planish {
 
 namespace {
 
-// The corners of a polygon whose vertex differs from the one before; all corners if fewer than three would remain.
+// The corners of a polygon whose vertex differs from that of the corner before; all corners if fewer than three would
+// remain.
 std::vector<std::int64_t> DifferentCorners(const PolygonMesh& polygons, std::int64_t begin, std::int64_t end) {
   const auto& vertex = polygons.corner_vertex;
   std::vector<std::int64_t> corners;
@@ -50,8 +51,8 @@ bool Revisits(const PolygonMesh& polygons, const std::vector<std::int64_t>& corn
   return std::adjacent_find(vertices.begin(), vertices.end()) != vertices.end();
 }
 
-// Per face of [begin, end), its group, as the number of a face minus `begin`. Joins faces over diagonals as long as no
-// two corners of a group have the same vertex.
+// Per face of [begin, end), its group, which is named by the number of one of its faces minus `begin`. Joins faces over
+// diagonals as long as no two corners of a group have the same vertex.
 std::vector<std::int32_t> GroupsThatVisitOnce(const Triangulation& triangles, std::int64_t begin, std::int64_t end) {
   const auto count = static_cast<std::size_t>(end - begin);
   UnionFind groups(count);
@@ -67,7 +68,7 @@ std::vector<std::int32_t> GroupsThatVisitOnce(const Triangulation& triangles, st
     std::set<std::int32_t>*larger = &vertices[a], *smaller = &vertices[b];
     if (larger->size() < smaller->size()) std::swap(larger, smaller);
     const auto is_common = [&](std::int32_t v) { return larger->count(v) > 0; };
-    if (std::count_if(smaller->begin(), smaller->end(), is_common) != 2) continue;  // the ends of the diagonal
+    if (std::count_if(smaller->begin(), smaller->end(), is_common) != 2) continue;  // more than the diagonal's ends
     larger->merge(*smaller);
     groups.Join(a, b);
     if (larger != &vertices[std::min(a, b)]) std::swap(vertices[a], vertices[b]);

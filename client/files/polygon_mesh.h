@@ -20,8 +20,8 @@ struct PolygonMesh {
   std::vector<Vec3> positions;
   std::vector<std::int64_t> polygon_begin = {0};
   std::vector<std::int32_t> corner_vertex;  // 0-based, in range
-  // For PLY and OFF: the file's own vertex per corner, if several of these are one vertex of the surface
-  // (client/files/seam_copies.h), which corner_vertex has. Empty if they are the same.
+  // For PLY and OFF: the file's vertex per corner, if several vertices of the file are one vertex of the surface
+  // (client/files/seam_copies.h). corner_vertex has the latter. Empty if the two are the same at every corner.
   std::vector<std::int32_t> corner_file_vertex;
 
   // The file's UV, with v upwards in all formats. Per corner an id into `texcoords`, -1: none; empty: the file has no
@@ -32,10 +32,10 @@ struct PolygonMesh {
   // Per polygon an id into `material_names`, -1: none; empty: the file has no materials.
   std::vector<std::int32_t> polygon_material;
   std::vector<std::string> material_names;
-  // The same for objects and groups (OBJ "o" and "g" together; glTF meshes).
+  // As polygon_material and material_names, for objects and groups (OBJ "o" and "g" together; glTF meshes).
   std::vector<std::int32_t> polygon_group;
   std::vector<std::string> group_names;
-  // The same for the objects of an OBJ alone ("o").
+  // As polygon_group and group_names, for the objects of an OBJ alone ("o").
   std::vector<std::int32_t> polygon_object;
   std::vector<std::string> object_names;
 
@@ -49,10 +49,11 @@ struct PolygonMesh {
 // Why a polygon may be cut.
 enum class PolygonFault : char {
   kCrossesItself,  // CrossesItself() (client/files/ear_clipping.h)
-  kRevisits,       // it visits a vertex twice
+  kRevisits,       // the polygon visits a vertex twice
 };
 
-// A polygon mesh cut into the triangles that are sent, with the way back. The triangles of a polygon are consecutive.
+// A polygon mesh cut into the triangles that are sent, with the origin of each vertex, face and corner. The triangles
+// of a polygon are consecutive.
 struct Triangulation {
   Mesh mesh;                                     // without vertices that have no polygon
   std::vector<std::int32_t> source_vertex;       // per vertex of mesh: vertex of the polygon mesh
@@ -63,7 +64,7 @@ struct Triangulation {
   // polygon is one part unless it is in `faulty`.
   std::vector<std::int32_t> piece;
   std::vector<std::pair<std::int64_t, PolygonFault>> faulty;  // polygons, ascending
-  // Corners that are in no triangle because a neighbour has the same vertex; and that neighbour.
+  // The corners that are in no triangle because a neighbour has the same vertex, each with that neighbour.
   std::vector<std::array<std::int64_t, 2>> repeated_corners;
 };
 
@@ -97,7 +98,7 @@ PolygonUv UvOfPolygons(const PolygonMesh& polygons, const Triangulation& triangl
 // Replaces torn polygons by their faces, which inherit material, group, object and line.
 PolygonMesh WithTornPolygons(const PolygonMesh& polygons, const std::vector<TornPolygon>& torn);
 
-// Maps values per polygon of the file to those of WithTornPolygons().
+// Maps values per polygon of the file to the polygons of WithTornPolygons().
 template <typename Value>
 std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const std::vector<TornPolygon>& torn) {
   std::vector<Value> result;
@@ -110,7 +111,7 @@ std::vector<Value> OfWrittenPolygons(const std::vector<Value>& of_polygon, const
   return result;
 }
 
-// The same per corner.
+// Maps values per corner of the file to the corners of WithTornPolygons().
 template <typename Value>
 std::vector<Value> OfWrittenCorners(const PolygonMesh& mesh, const std::vector<Value>& of_corner,
                                     const std::vector<TornPolygon>& torn) {

@@ -24,6 +24,6 @@ absl::StatusOr<PolygonMesh> ReadStl(const std::string& path, std::string_view by
 // Draco data; vertices as in DecodeDraco (core/draco/codec.h), UV from the first TEX_COORD attribute. Also
 // RESOURCE_EXHAUSTED OUT_OF_MEMORY.
 absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_view bytes);
-// glTF: client/files/gltf_mesh.h.
+// For glTF see ReadGltf() (client/files/gltf_mesh.h).
 
 }  // namespace planish

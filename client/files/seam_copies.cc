@@ -14,7 +14,8 @@ namespace {
 // "planish_seam_copies N": the last N vertices are copies. With "joined", vertices at the same position are one.
 constexpr std::string_view kCopies = "planish_seam_copies";
 constexpr std::string_view kJoined = "joined";
-// "planish_copy_of A B ...": the sources of those copies, in order, whose position several other vertices have.
+// "planish_copy_of A B ...": the vertices that are copied, in the order of the copies. Lists only copies at a position
+// that several of the other vertices have; the source of any other copy follows from its position.
 constexpr std::string_view kCopyOf = "planish_copy_of";
 constexpr std::size_t kMostIdsOnALine = 16;  // some readers limit lines to 256 characters
 
@@ -28,7 +29,7 @@ std::vector<std::string_view> WordsOf(std::string_view line) {
   return words;
 }
 
-// Per vertex, the first one at its position, and how many of the first `count` vertices are there.
+// Per vertex: the first vertex at its position, and how many of the first `count` vertices are at that position.
 class Places {
  public:
   Places(const std::vector<Vec3>& positions, std::size_t count) {
@@ -78,7 +79,7 @@ std::optional<Marks> ParseMarks(const std::vector<std::string_view>& lines) {
   return marks;
 }
 
-// The source of each of the last vertices; nothing if the marks do not match the vertices.
+// Per copy at the end of `positions`, the vertex that it copies; nullopt if the marks do not match the vertices.
 std::optional<std::vector<std::int32_t>> SourcesOf(const Marks& marks, const std::vector<Vec3>& positions) {
   const auto count = static_cast<std::int64_t>(positions.size());
   if (marks.copies < 0 || marks.copies >= count) return std::nullopt;

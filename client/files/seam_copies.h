@@ -18,17 +18,17 @@ namespace planish {
 // that IsSeamMark() accepts. The copies are removed from `mesh`: the surface is the one that was written, and vertices
 // that were at the same position before stay apart. For other files, or if the marks do not match the vertices, all
 // vertices at the same position (to the bit) become one, as in a glTF; PolygonMesh::corner_file_vertex then has the
-// file's own.
+// file's own vertices.
 void JoinSeamVertices(const std::vector<std::string_view>& marks, PolygonMesh* mesh);
 
-// Whether a comment, without its introducing characters, is such a mark.
+// Whether a comment, given without its introducing characters, is one of those that mark copies (SeamMarks()).
 bool IsSeamMark(std::string_view comment);
 
-// The file's vertices with one UV each: SplitCorners() of the file's corners.
+// Splits the file's vertices so that each has one UV (SplitCorners() in core/base/corner_split.h).
 CornerSplit SplitForFile(const PolygonMesh& mesh, const std::vector<double>& corner_uv);
 
-// The comments from which JoinSeamVertices() learns which vertices of the split are copies; none if it would find the
-// same surface without them.
+// The comments from which JoinSeamVertices() learns which vertices of the split are copies; none if JoinSeamVertices()
+// would find the same surface without them.
 std::vector<std::string> SeamMarks(const PolygonMesh& mesh, const CornerSplit& split);
 
 }  // namespace planish

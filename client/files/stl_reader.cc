@@ -136,7 +136,7 @@ absl::StatusOr<PolygonMesh> ReadAscii(const std::string& path, std::string_view 
   return std::move(welder.mesh());
 }
 
-// "solid" alone does not suffice: many binary files start with it as well.
+// Whether an STL is text. "solid" at its start does not suffice, since many binary files start with it as well.
 bool IsAscii(std::string_view bytes) {
   if (bytes.size() >= kFirstTriangle) {
     const std::uint64_t triangles = LittleEndian32(bytes.data() + kHeaderBytes);

@@ -27,7 +27,7 @@ namespace {
 
 using Rgb = std::array<float, 3>;
 
-// Per vertex the mean of the normals of its faces, weighted by their angles there.
+// Per vertex the mean of the normals of its faces, weighted by the angles of the faces at the vertex.
 std::vector<Vec3> SmoothNormals(const std::vector<Vec3>& positions, const std::vector<Face>& faces) {
   std::vector<Vec3> normals(positions.size(), Vec3::Zero());
   for (const Face& face : faces) {
@@ -47,7 +47,7 @@ Rgb ToRgb(const Vec3& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
-// What `from` shows, and what it is made of.
+// The surface that is projected: its triangles, normals, colours and images.
 struct ProjectedLooks {
   Triangulation triangles;
   ProjectionSource source;
@@ -88,7 +88,7 @@ class LooksReader {
   }
 
  private:
-  // Of the file's corners to those of the triangles.
+  // Maps values per corner of the file to the corners of the triangles.
   template <typename T>
   std::vector<T> OfTriangles(const std::vector<T>& of_corner) const {
     std::vector<T> result;
@@ -107,7 +107,7 @@ class LooksReader {
   }
   absl::StatusOr<std::int32_t> AddImage(const std::string& bytes, const std::string& name, TextureSource source) {
     PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, name));
-    // Numbers of four bytes, four a texel.
+    // TextureLevels adds four floats per texel.
     memory_ += header.bytes() + 16 * header.texels();
     if (options_.textures.memory > 0 && memory_ > options_.textures.memory) {
       return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
@@ -189,7 +189,7 @@ class LooksReader {
   absl::Status ReadObjLooks() {
     const PolygonMesh& mesh = file_.mesh;
     if (mesh.polygon_material.empty() || mesh.corner_texcoord.empty()) return absl::OkStatus();
-    std::map<std::string, std::pair<std::string, MtlMap>> maps;  // by material: the folder, and what it reads
+    std::map<std::string, std::pair<std::string, MtlMap>> maps;  // by material: the folder of its file, and its image
     for (const std::string& library : MaterialLibraries(file_.bytes)) {
       const absl::StatusOr<std::string> text = ReadImageFile(file_.path, library, options_.textures.allow_outside);
       if (!text.ok()) continue;
@@ -230,7 +230,7 @@ class LooksReader {
     return absl::OkStatus();
   }
 
-  // Reads the vertex colours: instead of images in a file without any, else multiplied with its images.
+  // Reads the vertex colours. They are multiplied with the images, or stand alone if the file has no images.
   absl::Status ReadVertexColors() {
     PLANISH_ASSIGN_OR_RETURN(const std::vector<CornerColor> own, VertexColors(file_));
     if (own.empty()) return absl::OkStatus();
@@ -255,8 +255,9 @@ std::string OnePixel(const std::array<std::uint8_t, 3>& rgb) {
   return EncodeImage(image).value_or("");
 }
 
-// `to` as a GLB whose only material has an image of colours and one of normals, of one texel each; with normals and
-// tangents. Writing it with its own UV, images moving, makes tangents and splits vertices for them.
+// Makes `to` a GLB with normals, tangents and one material, whose images have one texel each: one of normals and, if
+// `has_colors`, one of colours. The tangents come from WriteMeshWithUv(): with TextureMode::kTransfer and the UV that
+// the file has, it computes them and splits vertices for them.
 absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
   std::vector<double> uv;
   for (const std::int32_t id : to.mesh.corner_texcoord) {
@@ -271,7 +272,7 @@ absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
                            ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes)));
   const GltfMesh& gltf = *plain.gltf;
   GltfPatch patch(gltf.document);
-  // By the vertices of the file, which are merged where positions are the same.
+  // Smooth across seams: ReadMeshBytes() has merged the vertices at the same position.
   std::vector<Face> own;
   for (std::size_t c = 0; c < plain.mesh.corner_vertex.size(); c += 3) {
     own.push_back({plain.mesh.corner_vertex[c], plain.mesh.corner_vertex[c + 1], plain.mesh.corner_vertex[c + 2]});

@@ -26,9 +26,9 @@ class TextCursor {
   std::string_view Token();
   // The next token, without consuming it.
   std::string_view Peek();
-  // The remaining tokens on the line of the last one.
+  // The remaining tokens on the line of the last token.
   std::vector<std::string_view> RestOfLine();
-  // Moves to the next line.
+  // Skips the rest of the line.
   void SkipLine();
   // Line of the last token.
   std::int64_t line() const { return token_line_; }

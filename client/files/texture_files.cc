@@ -61,11 +61,12 @@ absl::Status WithTextureAdvice(const absl::Status& status) {
 
 namespace {
 
-// The side of an image that needs `wanted` texels to keep its texel density, unless options.size is set.
+// The side of an image that needs `wanted` texels per side to keep its texel density; options.size if that is set.
+// Warns if the side would be larger than kLargestAutoTexture.
 int SideFor(double wanted, int least, const std::string& name, const TextureOptions& options,
             std::vector<OutputWarning>* warnings) {
   if (options.size != 0) return options.size;
-  // GPUs can compress sizes that are multiples of four.
+  // Rounds up to a multiple of four, which GPUs can compress.
   const double rounded = 4 * std::ceil(std::min(wanted, 1e9) / 4 - 1e-9);
   const int side = std::min(kLargestAutoTexture, std::max(least, static_cast<int>(rounded)));
   if (rounded > kLargestAutoTexture) {
@@ -76,8 +77,8 @@ int SideFor(double wanted, int least, const std::string& name, const TextureOpti
   return side;
 }
 
-// Checks that the memory suffices to draw an image `old`, of `file_bytes`, into one with `header`; else TEXTURE_MEMORY.
-// `is_part`: the new image exists already. Otherwise the old image is freed before the new one is allocated.
+// TEXTURE_MEMORY unless options.memory suffices to draw image `old`, from a file of `file_bytes`, into an image with
+// `header`. `is_part`: the new image exists already. Otherwise the old image is freed before the new one is allocated.
 absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const ImageHeader& old,
                          const ImageHeader& header, bool is_part, const TextureOptions& options) {
   const std::int64_t result = 2 * header.bytes() + 2 * header.texels();
@@ -92,7 +93,8 @@ absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const
                    {{"image", name}, {"bytes", std::to_string(memory)}});
 }
 
-// `triangles`: of `bake`; `all` contains them (TextureGeometry).
+// Draws `image` by the triangles of `bake`, which are in `triangles`, and in `all` if that is not empty (see
+// TextureGeometry).
 absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<const TextureTriangle> triangles,
                       std::span<const TextureTriangle> all, const TextureOptions& options, TextureBaker* baker) {
   TextureSource source;
@@ -134,7 +136,7 @@ absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake
                                                        options.least_size, bake.name, options, warnings);
   PLANISH_RETURN_IF_ERROR(CheckMemory(bake.name, std::ssize(bytes), old, header, /*is_part=*/false, options));
   PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, bake.name));
-  bytes = std::string();  // one image at a time may be large
+  bytes = std::string();  // frees the file, since an image may be large
   ThreadTeam team(std::max(1, options.threads));
   TextureBaker baker(header, &team);
   PLANISH_RETURN_IF_ERROR(DrawPart(&image, bake, bake.triangles, {}, options, &baker));
@@ -154,7 +156,8 @@ double SideOfVertexColors(std::span<const TextureTriangle> triangles, std::span<
 
 absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std::string& name, bool has_alpha,
                                       const TextureOptions& options, std::vector<OutputWarning>* warnings) {
-  // Charts of the size for which they were packed keep all of the padding between them.
+  // Least side, in texels, of an image with constants or painted colours: at the size for which the atlas was packed,
+  // charts keep all of the padding between them.
   constexpr int kLeastPainted = 512;
   ImageHeader header = {ImageKind::kPng, 0, 0, has_alpha ? 4 : 3, 8};
   std::optional<ImageKind> kind;
@@ -186,7 +189,7 @@ absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std:
   bool have_same_chunks = true;
   std::size_t first = 0;
   for (TexturePart& part : parts) {
-    // The triangles move into `all`.
+    // `all` has the triangles of all parts, one part after the other.
     const std::span<const TextureTriangle> own(all.data() + first, part.bake.triangles.size());
     first += own.size();
     TextureImage image = WhiteTexel();
@@ -196,7 +199,7 @@ absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std:
       PLANISH_RETURN_IF_ERROR(CheckMemory(part.bake.name, std::ssize(bytes), old, header, /*is_part=*/true, options));
       PLANISH_ASSIGN_OR_RETURN(image, DecodeImage(bytes, part.bake.name));
       is_lossless = is_lossless && image.is_lossless;
-      // A profile for grey says nothing of colours.
+      // The colour profile of a grey image does not apply to colours.
       have_same_chunks = have_same_chunks && old.channels >= 3 && (!chunks || HaveTheSame(*chunks, image.color_chunks));
       chunks = std::move(image.color_chunks);
     }

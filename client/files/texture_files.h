@@ -18,7 +18,8 @@ namespace planish {
 // the model's folder and !allow_outside.
 absl::StatusOr<std::string> ReadImageFile(const std::string& model, const std::string& name, bool allow_outside);
 
-// Adds advice about unusable images to `status`.
+// Adds to an error of an image the advice to keep or drop the textures. Returns OK, CANCELLED and IMAGE_OUTSIDE
+// unchanged.
 absl::Status WithTextureAdvice(const absl::Status& status);
 
 // An image to resample.
@@ -30,7 +31,7 @@ struct TextureBake {
   std::vector<TextureTriangle> triangles;
   std::vector<double> areas;         // on the surface, one for each triangle
   std::vector<CornerFrames> frames;  // three for each triangle, or empty
-  std::vector<CornerColor> colors;   // the same
+  std::vector<CornerColor> colors;   // three for each triangle, or empty
 };
 
 // Decodes, resamples and encodes one image, in the same format with the same channels. Warns with TEXTURE_SIZE. Errors
@@ -38,20 +39,20 @@ struct TextureBake {
 absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake, const TextureOptions& options,
                                       std::vector<OutputWarning>* warnings);
 
-// A part of an image that is drawn from several: an old image, or a constant.
+// One of several parts from which an image is drawn: an old image, or a constant.
 struct TexturePart {
   std::function<absl::StatusOr<std::string>()> read;  // the bytes of the old image; null: white
-  TextureBake bake;                                   // its factor and offset make a constant of white
+  TextureBake bake;                                   // its factor and offset turn white into a constant
 };
 
 // Draws all parts into one image, called `name`. It has the kind of the old images if they are all of one kind, else
-// it is a PNG; `has_alpha`: an alpha channel. It is as dense as the densest old image; where constants or
-// colours are painted, it is at least as large as the atlas was packed for. Warnings and errors as BakeImage().
+// it is a PNG. `has_alpha`: it has an alpha channel. Its texels are as dense as those of the densest old image; with
+// constants or painted colours, it is at least as large as the atlas was packed for. Warnings and errors are those of
+// BakeImage().
 absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std::string& name, bool has_alpha,
                                       const TextureOptions& options, std::vector<OutputWarning>* warnings);
 
-// The side of the image in which vertex colours keep their detail: that TextureSideOf() an image of kTexelsPerEdge
-// texels an edge of the mesh.
+// The side of the image in which vertex colours keep their detail: TextureSideOf() for two texels per edge of the mesh.
 double SideOfVertexColors(std::span<const TextureTriangle> triangles, std::span<const double> areas);
 
 // Names of the new image files of one output, beside it: "OUTPUT_IMAGE.png", without repetitions.

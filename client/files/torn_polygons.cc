@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-using TriangleCorners = std::vector<std::int32_t>;  // 3 f + k
+using TriangleCorners = std::vector<std::int32_t>;  // corner k of triangle f is 3 f + k
 
 // The triangles of a file with their UV in a map.
 class MappedTriangles {
@@ -21,7 +21,7 @@ class MappedTriangles {
   }
   const double* Uv(std::int32_t c) const { return uv_ + 2 * static_cast<std::ptrdiff_t>(c); }
 
-  // Whether the triangle is in no chart.
+  // Whether the triangle is in no chart, because it repeats a vertex or its corners coincide.
   bool IsVoid(std::int32_t f) const {
     std::array<std::int32_t, 3> v;
     for (int k = 0; k < 3; ++k) v[k] = polygons_.corner_vertex[PolygonCorner(3 * f + k)];

@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// Per vertex the number of its position, in [0, num_vertices); equal positions share one. -1: unused vertex.
+// Per vertex the number of its position, in [0, num_vertices); equal positions have the same. -1: unused vertex.
 std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
   const std::vector<char> is_used = UsedVertices(mesh);
   // Adding 0 turns -0 into 0, so that equal numbers have equal bits.
@@ -31,7 +31,7 @@ std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
   return number;
 }
 
-// Groups corners by position, which needs no sorting, and sorts each group by UV.
+// Fills place_of_corner: groups corners by the number of their position (counting sort), and sorts each group by UV.
 void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* islands) {
   struct At {
     double u, v;

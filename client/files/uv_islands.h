@@ -21,8 +21,8 @@ struct UvIslands {
   EdgeGroups edges;  // half-edges between the same two places
 };
 
-// Two faces are in one island if they share an edge with equal positions and equal UV at both ends; vertices that a
-// file splits for its normals separate nothing. Consecutive faces with equal numbers in `polygon` (one per face; may be
+// Two faces are in one island if they share an edge with equal positions and equal UV at both ends, even if the file
+// splits the vertices there for its normals. Consecutive faces with equal numbers in `polygon` (one per face; may be
 // empty) are in one island too. A face whose three corners coincide is in the island of another face that has a corner
 // there. `uv` has 6 numbers a face. Positions and UV must be finite. O(F log F).
 UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon = {});

@@ -72,7 +72,7 @@ std::vector<CornerColor> ColorsOfObj(const MeshFile& file) {
     if (!tokens.Next(&token) || token != "v") continue;
     std::vector<double> numbers;
     for (double value = 0; tokens.Next(&token) && ParseDouble(token, &value);) numbers.push_back(value);
-    // One number more than three is a weight.
+    // This vertex has no colour (a fourth number alone is a weight), so the file has none.
     if (numbers.size() < 6) return {};
     colors.push_back({numbers[3], numbers[4], numbers[5], 1});
     most = std::max({most, numbers[3], numbers[4], numbers[5]});

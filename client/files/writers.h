@@ -23,7 +23,7 @@ struct ObjMaterialEdit {
   std::vector<std::string> of_polygon;  // names, per polygon of the file; empty: keep those of the file
 };
 
-// Write into the file's own bytes; file.format must be that of the writer.
+// Write the UV into the file's own bytes; file.format must be that of the writer.
 std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
                      const ObjMaterialEdit& materials = {});
 absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);

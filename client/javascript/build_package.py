@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the npm package: what `npm pack` would make of this folder, with the version and the published protos. Needs neither npm nor a network. OPTIONS is what
-`planish_fields typescript` writes.
+"""Makes the npm package: what `npm pack` would make of this folder, with the version and the published protos. Needs
+neither npm nor a network. OPTIONS is the file that `planish_fields typescript` writes.
 
     build_package.py TGZ VERSION PROTO_DIR LICENSE OPTIONS
 """
@@ -29,7 +29,7 @@ def files(version: str, protos: pathlib.Path, license: pathlib.Path, options: pa
 
 
 def main(target: str, version: str, protos: str, license: str, options: str) -> None:
-    # A package of the same files is the same package.
+    # mtime=0, so that the same files give the same package, byte for byte.
     with open(target, "wb") as out, gzip.GzipFile("", "wb", fileobj=out, mtime=0) as packed, tarfile.open(fileobj=packed, mode="w") as archive:
         for name, content in files(version, pathlib.Path(protos), pathlib.Path(license), pathlib.Path(options)):
             entry = tarfile.TarInfo(f"package/{name}")

@@ -31,13 +31,13 @@ struct Image {
 // The bytes of a PNG file, 8 bits a channel. INTERNAL if libpng fails.
 absl::StatusOr<std::string> EncodePng(const Image& image);
 
-// From shares in [0, 1].
+// The colour with these shares of red, green and blue, in [0, 1].
 Rgb ToRgb(const Vec3& colour);
 
 // All lengths are in samples: `oversampling` of them make a pixel in either direction. x to the right, y downwards.
 class Canvas {
  public:
-  // In pixels, at least 1. 7 bytes a sample.
+  // Width and height are in pixels, at least 1. Takes 7 bytes of memory per sample.
   Canvas(int width, int height, int oversampling, const Rgb& background = {});
 
   // Fills the triangle of `points` (x, y, and z: the depth, nearer is larger), any orientation, where nothing as near
@@ -75,7 +75,7 @@ class Canvas {
   Image Downsample() const;
 
  private:
-  // Of the samples whose centres lie on the canvas and not before / behind `at`.
+  // The first and the last sample whose centre is on the canvas and not before, or not behind, `at`.
   static int First(double at) { return static_cast<int>(std::ceil(std::clamp(at, 0.0, 1e9) - 0.5)); }
   static int Last(double at, int size) { return static_cast<int>(std::floor(std::clamp(at, 0.0, 1.0 * size) - 0.5)); }
   std::size_t At(int x, int y) const { return static_cast<std::size_t>(y) * width_ + x; }

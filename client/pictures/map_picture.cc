@@ -16,7 +16,8 @@ constexpr int kOversampling = 2;    // samples per pixel and direction
 constexpr double kSeamWidth = 1.2;  // pixels on either side
 const Vec3 kSeamColour(0.16, 0.13, 0.2);
 
-// Four colours at the corners of the unit square tell places apart; squares are light and dark.
+// The colour of the checkerboard at `uv`, in light and dark squares. It is mixed of four colours at the corners of the
+// unit square, so that places can be told apart.
 Vec3 CheckColour(const Vec2& uv, int checks) {
   const Vec3 blue(0.13, 0.47, 0.84), red(0.87, 0.24, 0.33), green(0.18, 0.66, 0.44), yellow(0.97, 0.71, 0.22);
   const Vec3 low = (1 - uv.x()) * blue + uv.x() * red, high = (1 - uv.x()) * green + uv.x() * yellow;

@@ -16,7 +16,7 @@ void Copy(const Image& from, int left, int top, Image* to) {
   }
 }
 
-// `faces` by island.
+// Draws one frame. `faces`: by island.
 Image DrawFrame(const std::vector<double>& uv, const UvSheet& sheet, std::int32_t frame,
                 const std::vector<std::vector<std::int32_t>>& faces) {
   const int side = sheet.plan.side;
@@ -53,7 +53,7 @@ Image DrawLegend(const UvSheet& sheet) {
     canvas.Box({s * kBar * i / kScaleColours, 0}, {s * kBar * (i + 1) / kScaleColours, s * kBarHeight}, SheetColour(i));
   }
   for (int tick = 0; tick <= 2 * sheet.octaves; ++tick) {
-    // Bands are centred on what they stand for: the ends of the scale are the middles of the outermost.
+    // Each band of colour is centred on its value, so the scale ends at the middles of the outermost bands.
     const double band = 1.0 / kScaleColours, x = band / 2 + (1 - band) * tick / (2 * sheet.octaves);
     canvas.Box({s * (kBar * x - 1), s * kBarHeight}, {s * (kBar * x + 1), s * (kBarHeight + SheetPlan::kTickHeight)},
                kInkColour);

@@ -11,10 +11,10 @@
 namespace planish {
 namespace {
 
-constexpr int kGrid = 4096;  // units of a tile's side
+constexpr int kGrid = 4096;  // units per side of a tile
 constexpr std::size_t kMaxEdges = 400000;
 
-// From one place to another, for the path number `path`.
+// An edge of path number `path`, from one place (UvIslands::place_of_corner) to another.
 struct PathEdge {
   std::int32_t path, from, to;
 };
@@ -35,13 +35,14 @@ class Paths {
     for (std::size_t c = 0; c < place.size(); ++c) corner_[place[c]] = {uv[2 * c], uv[2 * c + 1]};
   }
 
-  // The path data of `edges`, all of one path, whose places are seen in `frame`. Edges are joined end to end.
+  // The SVG path data of the edges [begin, end), all of one path, drawn in `frame`. Edges are joined end to end.
   std::string Data(std::int32_t frame, const PathEdge* begin, const PathEdge* end) const {
     std::vector<PathEdge> edges(begin, end);
     std::sort(edges.begin(), edges.end(),
               [](const PathEdge& a, const PathEdge& b) { return std::tie(a.from, a.to) < std::tie(b.from, b.to); });
     std::vector<char> taken(edges.size(), 0);
-    // Edges from one place are taken in order: where the next may be looked for, at the first edge from each place.
+    // Edges from one place are taken in order. At the first edge from each place: the first edge from there that may
+    // not be taken yet.
     std::vector<std::size_t> next_from(edges.size());
     for (std::size_t i = 0; i < edges.size(); ++i) next_from[i] = i;
     std::string data;
@@ -74,7 +75,7 @@ class Paths {
     return {static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y()))};
   }
 
-  // Leaves out points that are the last one once more, or on the way to the next.
+  // Appends `p` to `line`, unless it repeats the last point. Removes the last point if it lies on the way to `p`.
   static void Extend(const GridPoint& p, std::vector<GridPoint>* line) {
     if (p == line->back()) return;
     if (line->size() > 1) {
@@ -100,8 +101,8 @@ class Paths {
   std::vector<Vec2> corner_;
 };
 
-// Half-edges of faces turned counter-clockwise, without those that two faces of one path pass in opposite directions:
-// what is left goes round the faces of each path, which are numbered (island, colour).
+// The edges round the areas of one colour in each island, which make one path. These are the edges of all faces, turned
+// counter-clockwise, without pairs that two faces of one path pass in opposite directions.
 std::vector<PathEdge> ColourBorders(const std::vector<double>& uv, const UvSheet& sheet, bool by_island) {
   const std::vector<std::int32_t>& place = sheet.islands.place_of_corner;
   std::vector<PathEdge> edges;
@@ -137,7 +138,7 @@ std::vector<PathEdge> ColourBorders(const std::vector<double>& uv, const UvSheet
   return left;
 }
 
-// By island.
+// The outlines of all islands, sorted by island. The path is the number of the island.
 std::vector<PathEdge> Outlines(const UvSheet& sheet) {
   const UvIslands& islands = sheet.islands;
   std::vector<PathEdge> edges;
@@ -151,7 +152,7 @@ std::vector<PathEdge> Outlines(const UvSheet& sheet) {
   return edges;
 }
 
-// visit(path, begin, end) for the edges of each path.
+// Calls visit(path, begin, end) for the edges of each path.
 template <typename Visit>
 void ForEachPath(const std::vector<PathEdge>& edges, const Visit& visit) {
   for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
@@ -169,7 +170,8 @@ std::string Text(double x, double y, std::string_view anchor, std::string_view t
   return absl::StrFormat("<text x=\"%g\" y=\"%g\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, text);
 }
 
-// Lines of a fill's own colour close the hairlines between fills. `unit`: of a pixel.
+// The style sheet. Fills have lines of their own colour, which close the hairlines between them. `unit`: the length of
+// a pixel.
 std::string Style(double unit) {
   std::string style = "<style>";
   for (int i = 0; i < kSheetColours; ++i) {
@@ -215,7 +217,7 @@ std::string UvPreviewSvg(const Mesh& mesh, const std::vector<double>& uv, const 
   const bool by_island = fills.size() > kMaxEdges;
   if (by_island) fills = ColourBorders(uv, sheet, true);
 
-  // The paths of each island: what it is filled with, then its outline. Class c3 is colour 3, o the outline.
+  // The paths of each island: its fills, then its outline. Class c3 is colour 3, class o the outline.
   std::vector<std::string> drawing(sheet.islands.count);
   const Paths paths(uv, sheet);
   ForEachPath(fills, [&](std::int32_t path, const PathEdge* begin, const PathEdge* end) {

@@ -13,12 +13,12 @@
 namespace planish {
 namespace {
 
-constexpr double kSlack = 1e-5;             // by which a chart may stick out of its tile
-constexpr double kShareOffTheScale = 0.02;  // of the surface
+constexpr double kSlack = 1e-5;             // length by which a chart may stick out of its tile
+constexpr double kShareOffTheScale = 0.02;  // largest share of the surface that is off the scale
 constexpr int kTilesInRow = 10, kMaxTile = 999;
 
 struct Areas {
-  std::vector<double> surface, map;  // per face; the latter signed
+  std::vector<double> surface, map;  // per face; areas in the map are signed
 
   Areas(const Mesh& mesh, const std::vector<double>& uv) {
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {

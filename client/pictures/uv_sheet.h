@@ -1,4 +1,4 @@
-// What both drawings of a UV layout (uv_preview.h) show: colours of faces, and where tiles lie on the page.
+// The contents of both drawings of a UV layout (uv_preview.h): colours of faces, and the places of tiles on the page.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 namespace planish {
 
 constexpr int kScaleColours = 17;           // from shrunk to grown
-constexpr int kTurnedOver = kScaleColours;  // the colour of triangles against their chart
+constexpr int kTurnedOver = kScaleColours;  // the colour of triangles that face the other way than most of their chart
 constexpr int kSheetColours = kScaleColours + 1;
 Rgb SheetColour(int colour);
 constexpr Rgb kPageColour = {236, 237, 240}, kTileColour = {255, 255, 255}, kInkColour = {38, 36, 48};
@@ -34,19 +34,19 @@ struct SheetPlan {
 struct UvSheet {
   UvIslands islands;
   std::vector<std::uint8_t> colour_of_face;
-  std::vector<std::uint8_t> colour_of_island;  // of its area as a whole
+  std::vector<std::uint8_t> colour_of_island;  // by the area of the whole island
   std::int64_t turned_over = 0;                // faces
-  int octaves = 1;                             // log2 at either end of the scale
+  int octaves = 1;                             // the scale ends at factors of 2^-octaves and 2^octaves
 
-  // Islands in the order in which they are drawn, the larger first: where they lie on each other, all are seen.
+  // Islands in the order in which they are drawn: larger ones first, so that smaller ones on top of them are seen.
   std::vector<std::int32_t> order;
-  std::vector<std::int32_t> frame_of_island;  // frames are what stands side by side
-  std::vector<std::int32_t> tile_of_frame;    // number of the tile, -1: a frame round everything
-  std::vector<Vec2> frame_low;                // in the map
-  double frame_extent = 1;                    // of the map along a frame's side
+  std::vector<std::int32_t> frame_of_island;  // per island: the frame, of those side by side, in which it is drawn
+  std::vector<std::int32_t> tile_of_frame;    // per frame: the number of its tile; -1: a frame round everything
+  std::vector<Vec2> frame_low;                // per frame: its lower left corner in the map
+  double frame_extent = 1;                    // length in the map of a frame's side
   SheetPlan plan;
 
-  // In [0, 1]^2 of the frame, y downwards.
+  // The place of (u, v) in the frame, which is [0, 1]^2 with y downwards.
   Vec2 InFrame(std::int32_t frame, double u, double v) const {
     const Vec2 p = (Vec2(u, v) - frame_low[frame]) / frame_extent;
     return {p.x(), 1 - p.y()};

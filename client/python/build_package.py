@@ -5,10 +5,10 @@
     build_package.py wheel  OUT
     build_package.py server WHEEL ROOT OUT
 
-`tree` writes OUT/tree: the sources with the modules that are made of the protos, ready to be imported; FIELDS is the one that
-`planish_fields python` writes. `wheel` makes OUT/dist/*.whl and
-OUT/dist/*.tar.gz of it, by setuptools. `server` makes in OUT, of that wheel and of a directory of deploy/relocatable.sh, the wheel for
-Linux on this architecture that brings the server.
+`tree` writes OUT/tree, which can be imported: the sources, the modules made from the protos, and FIELDS, the module
+that `planish_fields python` writes. `wheel` makes OUT/dist/*.whl and OUT/dist/*.tar.gz from OUT/tree, by setuptools.
+`server` makes OUT/*.whl, the wheel with the server for Linux on this architecture, from such a WHEEL and from ROOT, a
+directory that deploy/relocatable.sh made.
 """
 
 import base64
@@ -22,7 +22,7 @@ import textwrap
 import zipfile
 
 # google/rpc is compiled under a name within this package: two packages with the same file under the same name cannot be
-# imported by one process, and other packages have Google's.
+# imported by one process, and other packages have these files under Google's name.
 RENAMED = (("google/rpc/", "planish/rpc/"), ("google.rpc", "planish.rpc"))
 MESSAGES = ("google/rpc/status.proto", "google/rpc/error_details.proto", "planish/v1/about.proto", "planish/v1/options.proto", "planish/v1/job.proto", "planish/v1/planish.proto")
 SERVICE = "planish/v1/planish.proto"
@@ -36,12 +36,12 @@ def renamed(text: str) -> str:
 
 
 def for_docstrings(proto: str) -> str:
-    """Comments become docstrings, in which a backslash must be written as two."""
+    """The text of a .proto for protoc, which turns comments into docstrings: these need two backslashes for one."""
     return renamed(proto).replace("\\", "\\\\")
 
 
 def fields_of(message: bytes):
-    """Number and content of the fields of strings and messages of a serialized message; what else there is, skipped."""
+    """Yields number and content of each field of a serialized message that is a string or a message; skips others."""
     at = 0
 
     def varint() -> int:

@@ -3,8 +3,8 @@
 import { readFileSync, writeFileSync } from 'node:fs';
 import { defineConfig } from 'vite';
 
-// The scripts and styles of the page inside the page, so that it asks for nothing. A closing tag inside a script would
-// end it early.
+// Puts the scripts and styles of the page into the page, so that it loads no other file. A closing tag inside a script
+// would end the script early.
 function oneFile() {
   return {
     name: 'one-file',

@@ -21,18 +21,18 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Stub = v1::Planish::Stub;
 
-// The first bytes of a Draco file, which declare its size, for EstimateJob.
+// Bytes of a Draco file that are sent with EstimateJob: the beginning of the file declares the size of the mesh.
 constexpr std::size_t kEstimateBytes = 1024;
 
-// Limits of one BatchCreateJobs: jobs, and bytes of their meshes. A larger mesh is sent on its own, by a resumable
-// upload.
+// Limits of one BatchCreateJobs: number of jobs, and bytes of their meshes. A larger mesh is sent on its own, by a
+// resumable upload.
 constexpr std::size_t kMostInBatch = 100;
 constexpr std::size_t kMostBatchBytes = std::size_t{1} << 20;
 
 // Limit of one WaitJob, short enough that proxies do not take it for a dead connection.
 constexpr Seconds kLongestWait{15};
 
-// Fills in everything but the mesh.
+// A request with everything but the mesh's bytes.
 template <typename Request>
 Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
@@ -71,7 +71,8 @@ UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh, Clock::t
   throw error.set_job(followed.job.name());
 }
 
-// Runs `work` as part of one trace, which its errors name. Returns its result or error.
+// Calls work(call) with the traceparent of one trace for all of its calls. Returns the result of `work`, or its error
+// with the trace's id.
 template <typename Work>
 Result<std::invoke_result_t<Work, CallOptions>> Traced(CallOptions call, const Work& work) {
   auto result = Caught([&] {
@@ -87,7 +88,7 @@ Result<std::invoke_result_t<Work, CallOptions>> Traced(CallOptions call, const W
 struct Client::Impl {
   Rpc rpc;
 
-  // `start` is when the caller called, before the mesh was packed.
+  // `start`: the time of the caller's call, before the mesh was packed.
   UnwrapResult Unwrap(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
                       const Callbacks& callbacks, const CallOptions& call, std::stop_token finish = {},
                       std::function<void(const std::string&)> on_job_name = {}) {
@@ -117,7 +118,7 @@ struct Client::Impl {
     PackedMesh mesh;
     const NewJob* job;
     Result<Job>* result;
-    bool is_known = false;  // whether the server has the mesh
+    bool is_known = false;  // whether the server has the mesh already
   };
 
   std::vector<Result<Job>> CreateMany(std::span<const NewJob> jobs, const std::string& trace) {
@@ -185,7 +186,7 @@ struct Client::Impl {
 };
 
 struct Call::State {
-  // Shared with the thread, which may outlive the Call.
+  // The name of the job. Shared with the thread, which may outlive the Call.
   struct JobName {
     std::mutex mutex;
     std::string text;  // guarded by mutex
@@ -194,14 +195,14 @@ struct Call::State {
   ~State() {
     stop.request_stop();
     if (thread.get_id() == std::this_thread::get_id()) {
-      thread.detach();  // ended from within its own callback
+      thread.detach();  // a callback of this call destroys the call
     } else if (thread.joinable()) {
       thread.join();
     }
   }
 
-  std::stop_source stop;    // cancels
-  std::stop_source finish;  // stops
+  std::stop_source stop;    // of Cancel()
+  std::stop_source finish;  // of Stop()
   const std::shared_ptr<JobName> job = std::make_shared<JobName>();
   std::future<Result<UnwrapResult>> result;
   std::thread thread;
@@ -348,7 +349,7 @@ Result<std::vector<Job>> Client::ListJobs(std::nothrow_t, int limit, const std::
       request.set_page_size(std::min(left, kPageSize));
       const v1::ListJobsResponse response = impl_->rpc.Repeat(&Stub::ListJobs, request);
       for (const v1::Job& job : response.jobs()) jobs.push_back(FromProto(job));
-      // The next page must come from the same server, since others do not know its page token.
+      // The next page must come from the same server, because other servers do not know this page token.
       request.set_page_token(response.next_page_token());
     } while (!request.page_token().empty() && (limit <= 0 || static_cast<int>(jobs.size()) < limit));
     return jobs;
@@ -369,7 +370,7 @@ Result<void> Client::DeleteJob(std::nothrow_t, const std::string& job) {
     try {
       impl_->rpc.Repeat(&Stub::DeleteJob, Named<v1::DeleteJobRequest>(job), TraceOf(""), &attempts);
     } catch (const Error& error) {
-      // An earlier attempt succeeded, and only its answer was lost.
+      // NOT_FOUND after a retry: an earlier attempt succeeded, and only its answer was lost.
       if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
     }
   });

@@ -40,9 +40,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
 
-// The values of enums of options and reports are those of the proto, counted from SOMETHING_AUTO = 1 on (a test
-// compares the names). A value that only a newer server knows becomes one that ToString calls "unknown"; a missing
-// value becomes `unspecified`.
+// The enums of options and reports list the values of the proto in the same order. The proto begins with UNSPECIFIED =
+// 0, so value n of the proto is value n - 1 here (a test compares the names). For values of newer servers, ToString
+// gives "unknown". UNSPECIFIED becomes `unspecified`.
 template <typename Enum>
 Enum EnumFromProto(int value, Enum unspecified = Enum()) {
   return value == 0 ? unspecified : static_cast<Enum>(value - 1);
@@ -57,7 +57,7 @@ static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 
-// ---- Fields of a message to and from the members that stand for them (made/fields.h)
+// ---- Converts fields of messages to and from the members that stand for them (made/fields.h)
 
 template <typename Value>
 struct IsVector : std::false_type {};
@@ -71,7 +71,7 @@ struct IsOptional<std::optional<Value>> : std::true_type {};
 template <typename Struct>
 Struct FieldsFrom(const Message& proto);
 
-// Leaves `value` alone if the field is an unset message or an unspecified enum.
+// Sets `value` to the field's value. Does not change `value` if the field is an unset message or an unspecified enum.
 template <typename Value>
 void Read(const Message& proto, const FieldDescriptor& field, Value& value) {
   const Reflection& reflection = *proto.GetReflection();

@@ -18,14 +18,15 @@ Job::Time TimeFrom(const google::protobuf::Timestamp& time);
 v1::UnwrapOptions ToProto(const UnwrapOptions& options);
 v1::Scheduling ToProto(const Scheduling& scheduling);
 
-// Element ids in a job's error and warnings are mapped by `renumbering`.
+// `renumbering` maps the element ids in errors and warnings to the caller's.
 Job FromProto(const v1::Job& job, const ids::Renumbering& renumbering = {});
 Report FromProto(const v1::Report& report, const ids::Renumbering& renumbering = {});
 Event FromProto(const v1::JobEvent& event, const ids::Renumbering& renumbering = {});
 JobEstimate FromProto(const v1::JobEstimate& estimate);
 Capabilities FromProto(const v1::Capabilities& capabilities);
 
-// Throws MESH_MISMATCH if the UV belong to another mesh, UV_CORRUPT if size or SHA-256 are wrong.
+// Converts the bytes of a result to UV. Throws MESH_MISMATCH if they belong to another mesh, UV_CORRUPT if their size
+// or SHA-256 is wrong.
 Uv ParseUv(const v1::UvDescription& description, const std::string& bytes, const PackedMesh& mesh);
 
 }  // namespace planish

@@ -1,4 +1,4 @@
-// Converts all other errors to planish::Error.
+// Converts statuses and exceptions to planish::Error.
 #pragma once
 
 #include <string>
@@ -11,23 +11,24 @@
 
 namespace planish {
 
-// kInvalidArgument, for arguments of the caller.
+// An error with code kInvalidArgument, for wrong arguments of the caller.
 Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {});
 
 // `status` must not be OK. Reason and metadata come from an ErrorInfo in the details; without one, the reason is the
 // name of the code.
 Error ErrorFrom(const google::rpc::Status& status);
 
-// From the statuses of core/base/error.h.
+// Converts a status of core/base/error.h, which must not be OK.
 Error ErrorFrom(const absl::Status& status);
 
-// The same error with the caller's element ids.
+// Returns `error` with its element ids converted by `renumbering`, to the caller's ids for example.
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering);
 
-// Converts the exception that is being handled.
+// Converts the exception that is being handled. To be called in a catch block.
 Error CurrentError();
 
-// Runs `work` and catches its exceptions: they leave the library only through Result::value().
+// Runs `work` and returns its result, or the error of the exception that it threw. Exceptions leave the library only
+// through Result::value().
 template <typename Work>
 Result<std::invoke_result_t<Work>> Caught(const Work& work) {
   try {

@@ -12,7 +12,7 @@ namespace {
 
 using Stub = v1::Planish::Stub;
 
-// How often a job is submitted again after it was lost with its stream, and how often an upload is restarted.
+// How often a job is submitted again after the server lost it, and how often an upload is restarted.
 constexpr int kMostLostJobs = 3;
 constexpr int kMostLostUploads = 5;
 
@@ -89,13 +89,13 @@ void Follower::Run(const Step& step) {
   }
 }
 
-// Waits until another step may succeed after `error`, or throws it.
+// Waits until another step may succeed after `error`. Throws `error` if none may, CANCELLED after a stop request.
 void Follower::Recover(const Error& error) {
   if (call_.stop.stop_requested() && StopEndsCall()) ThrowCancelled();
   if (job_name_.empty() && !upload_.name().empty()) {
     const bool is_gone = IsUploadGone(error);
     if (is_gone && ++lost_uploads_ > kMostLostUploads) throw error;
-    // Bytes may be damaged in transit once. Twice is no accident.
+    // One damaged upload may be an accident of the network, so it is repeated once.
     const bool is_damaged = error.reason() == "DIGEST_MISMATCH" && !std::exchange(damaged_upload_, true);
     if (is_gone || is_damaged) {
       upload_.Clear();
@@ -159,7 +159,8 @@ bool Follower::IsUploaded() const {
   return !upload_.name().empty() && upload_.committed_bytes() == SizeOf(mesh_->draco);
 }
 
-// Begins an upload, or resumes it where it broke.
+// Starts an upload, or resumes the one that broke off. Throws UNAVAILABLE if the server has only a part of the mesh
+// afterwards.
 void Follower::Upload() {
   if (call_.stop.stop_requested()) ThrowCancelled();
   const Deadline soon = DeadlineAfter(kUnaryLimit);
@@ -193,7 +194,7 @@ void Follower::WriteRest() {
       if (!writer->Write(message)) break;  // Finish() returns the error
       message.clear_name();
       offset += size;
-      // The server may have slightly less; its own count matters when the stream breaks.
+      // The server may have slightly less. If the stream breaks, its own count is used.
       Tell(callbacks_.on_upload, offset, total);
     }
   } catch (...) {
@@ -238,9 +239,9 @@ bool Follower::FollowOnce() {
   }
   if (!IsComplete()) throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the stream ended before the job did");
   const v1::Job& job = followed_.job;
-  // The server cancelled the job because it noticed the loss of the stream.
+  // True: the server cancelled the job because it noticed the loss of the stream.
   const bool was_dropped = job.state() == v1::JOB_STATE_CANCELLED && lost_stream_ && !call_.stop.stop_requested();
-  // The server's store lost the mesh, so it is sent again.
+  // True: the server's store lost the mesh, so it must be sent again.
   const bool lacks_mesh = job.state() == v1::JOB_STATE_FAILED && lost_jobs_ < kMostLostJobs &&
                           ErrorFrom(job.error()).reason() == "MESH_LOST";
   if (unwrap_ == nullptr || (!was_dropped && !lacks_mesh)) return true;
@@ -280,7 +281,7 @@ void Follower::TakeEvent(const v1::JobEvent& proto) {
       const std::lock_guard lock(mutex_);
       job_name_ = proto.job().name();
     }
-    Ask();  // repeats a request made before the job existed
+    Ask();  // the caller may have asked to cancel or stop before the job existed
     if (on_job_name_) on_job_name_(job_name_);
   }
   Tell(callbacks_.on_event, event);
@@ -324,7 +325,7 @@ std::shared_ptr<grpc::ClientContext> Follower::NewContext(bool may_be_cut_off) {
   const std::lock_guard lock(mutex_);
   if (stopped_ && StopEndsCall()) ThrowCancelled();
   context_ = may_be_cut_off ? context : nullptr;
-  asked_cancel_ = asked_finish_ = false;  // a request may have been lost with the connection
+  asked_cancel_ = asked_finish_ = false;  // these calls may have been lost with the connection
   return context;
 }
 
@@ -333,13 +334,14 @@ void Follower::OnStop() {
     const std::lock_guard lock(mutex_);
     stopped_ = true;
     stopped_changed_.notify_all();
-    // Not accepted yet: the server drops the call, or the attached job.
+    // Cuts the stream. That is enough: a watched job goes on, and if the server has just accepted the job of an
+    // Unwrap(), it cancels the job because its caller is gone.
     if (StopEndsCall() && context_) context_->TryCancel();
   }
   Ask();
 }
 
-// Asks the server to cancel or stop the job, if requested and if the job exists.
+// Asks the server to cancel or stop the job, if the caller wants that and the job exists.
 void Follower::Ask() {
   const std::lock_guard lock(mutex_);
   if (StopEndsCall()) return;

@@ -16,8 +16,9 @@ namespace {
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
 
-// For each edge, a corner that faces it; every edge must be in `triangles` (three ids each). `polygon`: per triangle,
-// or empty. An edge between two triangles of one polygon is a diagonal, which cannot be a seam.
+// For each edge of `vertex_pairs`, without duplicates: a corner of `triangles` (three ids each) that faces the edge.
+// `polygon`: the polygon of each triangle; empty: each triangle is one. Throws OPTIONS_INVALID for a pair that is not
+// an edge, or is a diagonal, which has triangles of one polygon on both sides and cannot be a seam.
 std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pairs,
                                         std::span<const std::uint32_t> triangles,
                                         std::span<const std::int32_t> polygon) {
@@ -36,7 +37,7 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   }
   std::vector<std::int32_t> corners;
   for (std::size_t i = 0; i < seams.size(); ++i) {
-    const auto is_own = [&](std::int32_t c) {  // whether the edge is one of its polygon
+    const auto is_own = [&](std::int32_t c) {  // whether the edge belongs to the outline of the polygon of corner c
       return polygon.empty() ||
              std::count_if(facing[i].begin(), facing[i].end(), [&](std::int32_t d) {
                return polygon[static_cast<std::size_t>(d / 3)] == polygon[static_cast<std::size_t>(c / 3)];
@@ -54,7 +55,7 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   return corners;
 }
 
-// Checks that all of `corners` are corners of `triangles` triangles.
+// Throws OPTIONS_INVALID unless all of `corners` are corners of a mesh with this number of triangles.
 void CheckCorners(const std::string& field, std::span<const std::int32_t> corners, std::int64_t triangles) {
   for (const std::int32_t corner : corners) {
     if (corner >= 0 && corner < 3 * triangles) continue;
@@ -64,7 +65,7 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
   }
 }
 
-// Appends numbers of 4 bytes, in the format of planish.v1.MeshElements.
+// Appends numbers to `bytes`, in the format of planish.v1.MeshElements.
 template <typename Number>
 void Append(std::span<const Number> numbers, std::string* bytes) {
   static_assert(sizeof(Number) == 4);
@@ -150,7 +151,7 @@ PackedMesh PackedMesh::Of(const MeshView& view) {
   }
   CheckCorners("seam_corners", view.seam_corners_, view.triangle_count());
   CheckCorners("uncut_corners", view.uncut_corners_, view.triangle_count());
-  // The seams below need the polygons.
+  // Comes first, because CornersFacing() below needs a polygon for every triangle.
   AppendOfTriangles("face_polygon", view.face_polygon_, view.triangle_count(), packed.elements.mutable_face_polygon());
   v1::MeshElements& elements = packed.elements;
   const std::vector<std::int32_t> facing = CornersFacing(view.seam_vertices_, view.indices_, view.face_polygon_);

@@ -13,7 +13,7 @@
 namespace planish::inline abi0 {
 
 struct PackedMesh {
-  // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
+  // Encodes `mesh` without the vertices that have no triangle. Throws planish::Error: MESH_EMPTY,
   // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are not edges ("edges"),
   // corners that do not exist ("corner"), and a wrong number of polygons, atlases or weights.
   static PackedMesh Of(const MeshView& mesh);
@@ -23,10 +23,10 @@ struct PackedMesh {
   // Seams, polygons, atlases and weights; triangles are sent in the caller's order.
   v1::MeshElements elements;
   std::int64_t triangles = 0;
-  // Per vertex sent, the caller's vertex id; empty if all were sent and ids agree.
+  // Per vertex sent, the caller's vertex id; empty if all vertices were sent, so that ids are equal.
   std::vector<std::int32_t> source_vertex;
 
-  // The bytes of the mesh and its elements, as counted by the server's limit.
+  // The bytes of the mesh and its elements, as the server counts them for its limit.
   std::int64_t bytes() const;
 
   // Maps ids as sent to the caller's.

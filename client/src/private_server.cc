@@ -34,7 +34,7 @@ namespace {
 
 // Variables that configure this machine's planishd. They are not passed to private servers.
 constexpr std::string_view kServiceVariables = "PLANISHD_";
-// The server drains without grace when it is stopped; one that hangs is killed after this time.
+// When the server is told to stop, it ends its jobs at once. A server that still runs after this time is killed.
 constexpr std::chrono::seconds kStopLimit{5};
 constexpr int kSupervisorFd = 3;
 
@@ -92,7 +92,7 @@ struct PrivateServer::State {
   std::string executable;
   std::string directory;
   std::string target;
-  Descriptor supervisor;  // its end of file tells planishd that this process is gone
+  Descriptor supervisor;  // planishd holds the other end, and reads end of file from it once this process is gone
   pid_t pid = -1;
 
   ~State() {

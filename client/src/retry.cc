@@ -16,7 +16,7 @@ bool AsksToWait(const Error& error) {
          (error.retry_after() > Seconds(0) || error.reason() == "QUEUE_FULL");
 }
 
-// Whether the same call may succeed soon.
+// Whether `error` means a lost connection or upload, so that the same call may succeed soon.
 bool IsLoss(const Error& error) {
   if (error.code() == ErrorCode::kUnavailable || IsUploadGone(error)) return true;
   if (error.reason() == "UPLOAD_BUSY" || error.reason() == "UPLOAD_OFFSET_MISMATCH") return true;
@@ -47,7 +47,7 @@ void Retry::Reset() {
 
 Seconds Retry::PauseAfter(const Error& error, bool reached) {
   const bool is_full = AsksToWait(error);
-  // A server that was never reached will hardly appear soon, so fail at once.
+  // A server that was never reached will hardly appear soon, so the call fails at once.
   if (!is_full && (!reached || !IsLoss(error))) throw error;
   Seconds pause = kLeastPauseForRoom;
   if (!is_full) {

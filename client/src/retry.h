@@ -17,25 +17,25 @@ Deadline DeadlineAfter(Seconds timeout);  // 0: never
 // Whether `error` means that the upload of a mesh is gone, so that it must be restarted.
 bool IsUploadGone(const Error& error);
 
-// The attempts of one call. Temporary errors are those of the network, of a server that shuts down, and of a server
-// that is full and says when to retry.
+// The attempts of one call. Temporary errors are those of the network, of a server that shuts down, of a server that is
+// full and says when to retry, and of a mesh's upload that must be repeated or resumed.
 class Retry {
  public:
   struct Limits {
     Seconds lost{0};         // how long to wait for a lost server
-    Seconds full{0};         // how long to wait for room on a full one
-    Seconds first_pause{0};  // after a loss; doubles up to 5 s, with jitter
+    Seconds full{0};         // how long to wait for room on a full server
+    Seconds first_pause{0};  // after a lost connection; doubles up to 5 s, with jitter
     Deadline deadline;       // of the whole call
   };
 
   Retry(std::string target, const Limits& limits);
 
-  // After progress: limits count from the next error on.
+  // To be called after progress: the limits then count from the next error on.
   void Reset();
 
-  // How long to wait after `error` before the next attempt. Throws `error` if it is not temporary, or the server was
-  // never `reached`. When the limit has passed, throws CONNECTION_LOST or, if the server is full, `error`; after the
-  // deadline, DEADLINE_EXCEEDED.
+  // Returns how long to wait after `error` before the next attempt. Throws `error` if it is not temporary, or if the
+  // server was never `reached`. Throws CONNECTION_LOST or, if the server is full, `error` if the wait would exceed the
+  // limit; DEADLINE_EXCEEDED if it would exceed the deadline.
   Seconds PauseAfter(const Error& error, bool reached);
 
  private:

@@ -25,7 +25,7 @@ std::string ReadPem(const std::string& what, const std::string& path) {
   return pem;
 }
 
-// Connection settings, with the contents of the files.
+// The TLS settings of `options`, with the contents of the files in place of their names.
 TlsProbe TlsOf(const std::string& target, const ClientOptions& options) {
   if (options.tls_cert_file.empty() != options.tls_key_file.empty()) {
     throw Invalid("OPTIONS_INVALID", "a client certificate takes two files: the certificate and its key");
@@ -37,7 +37,7 @@ TlsProbe TlsOf(const std::string& target, const ClientOptions& options) {
           ReadPem("the client's key", options.tls_key_file), options.tls_server_name};
 }
 
-// A token must be a valid header value: printable ASCII.
+// Throws OPTIONS_INVALID unless the token is a valid header value: printable ASCII without spaces.
 void CheckToken(const std::string& token) {
   for (const char c : token) {
     if (c <= ' ' || c > '~')
@@ -45,7 +45,8 @@ void CheckToken(const std::string& token) {
   }
 }
 
-// gRPC wraps the cause in "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
+// The cause at the end of a gRPC message such as "failed to connect to all addresses; last error: UNKNOWN: ...:
+// Connection refused".
 std::string ConnectionCause(const std::string& message) {
   const std::size_t colon = message.rfind(": ");
   return colon == std::string::npos ? message : message.substr(colon + 2);
@@ -80,14 +81,14 @@ std::shared_ptr<grpc::Channel> Rpc::NewChannel() const {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   arguments.SetMaxSendMessageSize(-1);
-  // gRPC's defaults (20 s an attempt, 1 s and more between attempts) suit servers that talk to servers.
+  // gRPC's defaults (20 s for an attempt, 1 s and more between attempts) are too slow for people who wait.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options_.connect_timeout.count()));
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
   // Notices a silently vanished peer within half a minute.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  // Clients of different servers, or of a restarted one, must not share connections and their back-off.
+  // Two Rpc objects must not share a connection: its back-off after failures would delay both.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetUserAgentPrefix(std::string("planish/") + Version());
   // Connections within this machine must not use a proxy.

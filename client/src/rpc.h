@@ -1,4 +1,4 @@
-// The connection: stubs, deadlines, traces and status translation.
+// The connection to a server: stubs, deadlines, traces, retries, and the conversion of statuses to errors.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -20,13 +20,13 @@
 
 namespace planish {
 
-// The W3C trace of calls: `traceparent` or, if it is empty, the environment's TRACEPARENT if valid, or else a new one.
-// Throws INVALID_ARGUMENT with TRACEPARENT_INVALID.
+// The W3C trace context for calls: `traceparent` or, if it is empty, the environment's TRACEPARENT if that is valid, or
+// else a new one. Throws INVALID_ARGUMENT with TRACEPARENT_INVALID if `traceparent` is neither empty nor valid.
 std::string TraceOf(const std::string& traceparent);
 
-// Time limit of calls that transfer no mesh, including the connection.
+// Time limit of calls that transfer no mesh, including the time to connect.
 inline constexpr Seconds kUnaryLimit{20};
-// Time limit of background calls, which keep their Rpc alive.
+// Time limit of background calls, for which the destructor of Rpc waits.
 inline constexpr Seconds kBackgroundLimit{5};
 
 template <typename Request>
@@ -50,8 +50,8 @@ class Rpc {
   // Whether there ever was a connection.
   bool reached() const { return reached_; }
 
-  // Waits for a connection until it fails, or connect_timeout or `deadline` pass. The next call reports why it failed;
-  // a silent peer throws SERVER_UNREACHABLE or TLS_FAILED.
+  // Waits for a connection. Returns also if the attempt fails: the next call then reports why. Throws
+  // SERVER_UNREACHABLE or TLS_FAILED if connect_timeout or `deadline` passes before that.
   void Connect(Deadline deadline);
 
   // The context of one call: its deadline, a span of the trace (TraceOf()), and the token. Throws OPTIONS_INVALID if
@@ -61,11 +61,11 @@ class Rpc {
   Stub& stub() {
     return *std::get<std::unique_ptr<Stub>>(stubs_);
   }
-  // The error of a status that is not OK. Without a connection it tries TLS on its own to find out why, which may take
-  // a few seconds if the server is slow.
+  // The error of a status that is not OK. If there is no connection, makes a TLS handshake to find out why, which may
+  // take a few seconds if the server is slow.
   Error ErrorOf(const grpc::Status& status) const;
 
-  // One unary call.
+  // Makes one unary call and returns the response.
   template <typename Stub, typename Request, typename Response>
   Response Call(Method<Stub, Request, Response> method, const Request& request,
                 Deadline deadline = DeadlineAfter(kUnaryLimit), const std::string& trace = TraceOf("")) {
@@ -77,7 +77,8 @@ class Rpc {
     return response;
   }
 
-  // The same with retries, for retry_timeout. `attempts`, if given, is incremented for each attempt.
+  // Like Call(), but retries for retry_timeout after temporary errors. `attempts`, if given, is incremented for each
+  // attempt.
   template <typename Stub, typename Request, typename Response>
   Response Repeat(Method<Stub, Request, Response> method, const Request& request,
                   const std::string& trace = TraceOf(""), int* attempts = nullptr) {
@@ -93,13 +94,13 @@ class Rpc {
     }
   }
 
-  // Returns at once. The response is ignored: callers that stop or cancel a job watch its stream. The destructor waits
-  // for running calls, at most kBackgroundLimit.
+  // Calls `method` in the background and returns at once. The response is ignored: callers that stop or cancel a job
+  // watch its stream. The destructor waits for running calls, at most kBackgroundLimit.
   template <typename Request>
   void InBackground(Method<v1::Planish::Stub, Request, v1::Job> method, const std::string& job,
                     const std::string& trace) {
-    // Not by gRPC's callbacks: the last reference to the channel must not be dropped on one of the channel's own
-    // threads, which would wait for itself.
+    // A thread instead of gRPC's callbacks: a callback runs on a thread of the channel. If it dropped the last
+    // reference to the channel, that thread would wait for itself.
     const std::lock_guard lock(background_mutex_);
     background_.emplace_back([this, method, request = Named<Request>(job), trace] {
       // Failures are ignored: the job's stream shows whether the call had an effect.
@@ -113,7 +114,7 @@ class Rpc {
  private:
   std::shared_ptr<grpc::Channel> NewChannel() const;
   std::string Token() const;
-  // SERVER_UNREACHABLE or TLS_FAILED, with gRPC's `message`.
+  // Returns an error SERVER_UNREACHABLE or TLS_FAILED. `message`: gRPC's message.
   Error WhyUnreachable(const std::string& message) const;
 
   const std::string target_;

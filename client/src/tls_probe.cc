@@ -15,11 +15,11 @@
 namespace planish {
 namespace {
 
-// Time limit of each step: the handshake, including the connection, and the server's reaction.
+// Time limit of each of two steps: connecting with the handshake, and the server's reaction to it.
 constexpr int kStepSeconds = 2;
 constexpr int kNapMilliseconds = 5;
 
-// Errors in the client's own files; empty if there are none.
+// Gives the client certificate and its key to `context`. Returns what is wrong with them; empty if nothing is.
 std::string Present(SSL_CTX* context, const TlsProbe& probe) {
   if (probe.certificate.empty()) return "";
   const std::vector<CertificatePtr> chain = CertificatesIn(probe.certificate);

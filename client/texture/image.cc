@@ -68,7 +68,7 @@ std::optional<ImageKind> KindOfImage(std::string_view bytes) {
 
 namespace {
 
-// What the first bytes are, of kinds that people have and we cannot read.
+// The name of a common kind of image that we cannot read, by its first bytes; empty for other bytes.
 std::string OtherKind(std::string_view bytes) {
   if (bytes.starts_with(std::string_view("\xABKTX 20\xBB", 8))) return "KTX2";
   if (bytes.starts_with(std::string_view("\xABKTX 11\xBB", 8))) return "KTX";
@@ -88,13 +88,14 @@ absl::Status CheckSize(const ImageHeader& header, std::string_view bytes, const 
   if (header.width > kLargestImageSide || header.height > kLargestImageSide) {
     return ImageUnsupported(name, size + "; at most " + std::to_string(kLargestImageSide) + " per side can be read");
   }
-  // Deflate makes at most 1032 bytes of one. JPEG and WebP have no such bound, but real images of that size come
-  // nowhere near: only small ones are believed.
+  // Refuses images that claim more texels than their bytes can hold. Deflate expands a byte to at most 1032 bytes. JPEG
+  // and WebP have no such bound, so an image of more than 4096 x 4096 texels is refused if it claims more than 1024
+  // texels per byte, which no real image has.
   constexpr std::int64_t kMostDeflated = 1032;
   constexpr std::int64_t kAlwaysBelieved = std::int64_t{4096} * 4096;
   constexpr std::int64_t kMostTexelsAByte = 1024;
   const auto count = static_cast<std::int64_t>(bytes.size());
-  // Palettes and less than 8 bits are expanded: at least 1 bit a texel.
+  // Divides by 8, since a PNG has at least 1 bit per texel: palettes and small depths are expanded later.
   const bool is_bomb = header.kind == ImageKind::kPng
                            ? header.texels() / 8 > kMostDeflated * count
                            : header.texels() > kAlwaysBelieved && header.texels() > kMostTexelsAByte * count;

@@ -20,7 +20,7 @@ struct ImageHeader {
   ImageKind kind = ImageKind::kPng;
   int width = 0, height = 0;  // texels
   int channels = 3;           // 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; palettes are expanded
-  int bits = 8;               // a channel, 8 or 16
+  int bits = 8;               // per channel, 8 or 16
 
   bool has_alpha() const { return channels == 2 || channels == 4; }
   std::int64_t texels() const { return std::int64_t{width} * height; }
@@ -31,7 +31,7 @@ struct TextureImage {
   ImageHeader header;
   std::vector<std::uint8_t> texels;  // rows from the top, channels beside each other; 16 bits in the machine's order
 
-  bool is_lossless = true;  // WebP: written without loss as well
+  bool is_lossless = true;  // whether a WebP is lossless; then it is written without loss too
   // Chunks of a PNG (cHRM, cICP, gAMA, iCCP, sRGB: type and data) and marker APP2 of a JPEG (type "APP2"), which say
   // what its colours mean.
   struct ColorChunk {
@@ -53,14 +53,14 @@ std::optional<ImageKind> KindOfImage(std::string_view bytes);
 // larger than their bytes can be.
 absl::StatusOr<ImageHeader> ReadImageHeader(std::string_view bytes, const std::string& name);
 
-// Errors as above, and OUT_OF_MEMORY; images that were cut off are IMAGE_MALFORMED. Takes header.bytes() of memory and
-// the codec's own.
+// Errors as of ReadImageHeader(), and OUT_OF_MEMORY; images that were cut off are IMAGE_MALFORMED. Takes header.bytes()
+// of memory, and what the codec needs.
 absl::StatusOr<TextureImage> DecodeImage(std::string_view bytes, const std::string& name);
 
 // The bytes of a file of kind image.header.kind. INTERNAL if the library fails.
 absl::StatusOr<std::string> EncodeImage(const TextureImage& image);
 
-// Between sRGB and linear light (IEC 61966-2-1), both in [0, 1].
+// Conversions between sRGB and linear light (IEC 61966-2-1), both in [0, 1].
 double SrgbOfLinear(double linear);
 double LinearOfSrgb(double srgb);
 

@@ -19,7 +19,7 @@ constexpr unsigned kMostMarkerBytes = 65533;
 // A file of many scans over a large image takes minutes to decode; encoders write about ten.
 constexpr int kMostScans = 100;
 
-// As for libpng: errors jump, so nothing with a destructor lives in the functions that are jumped out of.
+// libjpeg's errors are made to jump, so nothing with a destructor may live in the functions that are jumped out of.
 struct JpegErrors {
   jpeg_error_mgr manager;
   std::jmp_buf jump;
@@ -32,7 +32,7 @@ void OnJpegError(j_common_ptr jpeg) {
   std::longjmp(errors->jump, 1);
 }
 
-// The library goes on with grey where data are missing; we do not.
+// Makes the library's warnings errors, except for harmless ones: it would go on with grey where data are missing.
 void OnJpegMessage(j_common_ptr jpeg, int level) {
   if (level >= 0) return;
   const int code = jpeg->err->msg_code;
@@ -94,7 +94,7 @@ class JpegReader {
   jpeg_decompress_struct jpeg_ = {};
 };
 
-// Appends to *buffer, which malloc made.
+// Writes the JPEG into *buffer, which libjpeg allocates with malloc. False: an error, whose message is in *errors.
 bool WriteJpeg(const TextureImage& image, JpegErrors* errors, unsigned char** buffer, unsigned long* size) {
   jpeg_compress_struct jpeg = {};
   SetErrors(errors);

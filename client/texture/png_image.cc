@@ -11,7 +11,7 @@
 namespace planish::texture_internal {
 namespace {
 
-// libpng's errors jump: nothing with a destructor lives in the functions that are jumped out of.
+// libpng's errors jump, so nothing with a destructor may live in the functions that are jumped out of.
 struct PngErrors {
   char message[200] = "";
 };
@@ -50,7 +50,7 @@ class PngReader {
     if (png_ != nullptr) info_ = png_create_info_struct(png_);
     if (info_ == nullptr) return;
     png_set_read_fn(png_, &input_, ReadPngBytes);
-    // Chunks that we do not need cannot make the library take memory.
+    // Keeps chunks that we do not need from taking much memory.
     png_set_chunk_malloc_max(png_, 8 << 20);
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, 0);
     png_set_user_limits(png_, kLargestImageSide, kLargestImageSide);
@@ -131,7 +131,7 @@ class PngWriter {
   png_infop info_ = nullptr;
 };
 
-// The chunks before the image that say what its colours mean. Of a sound file: libpng has read it.
+// The chunks before the image that say what its colours mean. libpng must have read `bytes` without errors.
 std::vector<TextureImage::ColorChunk> ColorChunks(std::string_view bytes) {
   std::vector<TextureImage::ColorChunk> chunks;
   std::size_t at = 8;

@@ -14,7 +14,7 @@ namespace {
 
 using texture_internal::RasterTriangle;
 
-constexpr int kPointsASide = 2;  // of a texel
+constexpr int kPointsASide = 2;  // of a texel, from each of which rays are cast
 
 class ProjectionDrawing {
  public:
@@ -27,7 +27,7 @@ class ProjectionDrawing {
     }
   }
 
-  // What a texel shows.
+  // The sums of the colours and normals that the rays of a texel hit.
   struct Seen {
     Vec3 color = Vec3::Zero(), normal = Vec3::Zero();
     int hits = 0;

@@ -47,7 +47,7 @@ struct ProjectionOptions {
 struct Projection {
   TextureImage color;                   // sRGB, RGB of 8 bits; empty if the source has no colours
   TextureImage normal;                  // in the tangent frames of the target, RGB of 8 bits
-  std::int64_t texels = 0, missed = 0;  // inside charts; of these, whose rays met nothing
+  std::int64_t texels = 0, missed = 0;  // texels inside charts; those of them whose rays met nothing
 };
 
 // Casts rays from 2 x 2 points of each texel along the target's interpolated normal, to both sides. The texel shows the

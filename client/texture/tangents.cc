@@ -49,7 +49,7 @@ std::vector<std::array<float, 4>> ComputeTangents(const TangentCorners& corners)
                               int vertex) {
     std::array<float, 4>& out = WorkOf(context).tangents[CornerOf(face, vertex)];
     const float length = std::hypot(tangent[0], tangent[1], tangent[2]);
-    // Corners without area in the map get none: anything of length 1 will do.
+    // A corner without area in the map gets no tangent: leaves (1, 0, 0), as any vector of length 1 will do.
     if (!(length > 0)) return;
     out = {tangent[0] / length, tangent[1] / length, tangent[2] / length, sign < 0 ? -1.0F : 1.0F};
   };

@@ -31,19 +31,20 @@ using texture_internal::TexelScale;
 using texture_internal::TextureLevel;
 using texture_internal::TextureLevels;
 
-// Samples along the smaller axis of a footprint above which a mipmap is read, and the most along the larger one.
+// A mipmap is read where a new texel would take more samples than these along the smaller or the larger axis of its
+// footprint.
 constexpr double kMostMinorSamples = 4;
 constexpr double kMostMajorSamples = 64;
-// Old texels beyond the edge of a chart that a sample may be.
+// Farthest distance of a sample beyond the edge of a chart, in old texels.
 constexpr double kOverhang = 0.5;
-// Old texels a new texel below which the interpolation is linear; it is cubic at 1, and linear again from 2 on, where
-// the mean over the footprint decides.
+// Interpolation is linear where a new texel is narrower than this, in old texels. It is cubic at a width of 1, and
+// linear again from 2 on, where the mean over the footprint decides.
 constexpr double kLinearBelow = 0.5;
-// UV beyond this say nothing: floats of that size have no fraction.
+// Larger UV count as 0, since floats of that size have hardly any digits of a fraction.
 constexpr double kLargestUv = 1e6;
 
-// Per corner k of each triangle whether the edge that it faces is whole in both maps: another triangle has the same UV
-// at both ends.
+// Per corner k of each triangle, whether the opposite edge is whole: another triangle has the same UV at both ends of
+// the edge, in the old map and in the new one.
 class WholeEdges {
  public:
   explicit WholeEdges(std::span<const TextureTriangle> triangles) : whole_(3 * triangles.size(), false) {
@@ -87,20 +88,21 @@ class WholeEdges {
 // One triangle, in texels of both images.
 struct Footprint : RasterTriangle {
   Vec2 origin = Vec2(0, 0);                         // old texels at to[0]
-  Vec2 along_x = Vec2(0, 0), along_y = Vec2(0, 0);  // old texels a new texel
+  Vec2 along_x = Vec2(0, 0), along_y = Vec2(0, 0);  // old texels per new texel
   int level = 0;
   double level_scale = 1;
   float sharpness = 1;
   int samples_major = 1, samples_minor = 1;
   Vec2 major = Vec2(0, 0), minor = Vec2(0, 0);  // old texels from one sample to the next
   int limits = 0;
-  std::array<HalfPlane, 3> limit;  // of old texels
+  std::array<HalfPlane, 3> limit;  // the first `limits` bound the samples, in old texels
   Vec2 centroid = Vec2(0, 0);      // in old texels
 
   Vec2 OldAt(const Vec2& p) const { return origin + (p.x() - to[0].x()) * along_x + (p.y() - to[0].y()) * along_y; }
 };
 
-// UV as they are read: those that are no numbers are 0, and whole repeats do not matter.
+// `uv` with values that are no numbers or above kLargestUv replaced by 0, and moved by whole repeats of the image to
+// near 0.
 std::array<Vec2, 3> TameUv(const std::array<Vec2, 3>& uv, TextureWrap wrap_u, TextureWrap wrap_v) {
   std::array<Vec2, 3> tame = uv;
   for (Vec2& value : tame) {
@@ -155,7 +157,7 @@ class TextureDrawing {
         target_(target),
         whole_(geometry.triangles),
         levels_(source, options.meaning == TextureMeaning::kColor, options.premultiplied, team) {
-    // Mipmaps are made before threads read them.
+    // Makes all mipmaps that the triangles need, before threads read them.
     int deepest = 0;
     for (std::size_t t = 0; t < triangles_.size(); ++t) {
       Footprint footprint;
@@ -170,7 +172,7 @@ class TextureDrawing {
     return geometry.all.empty() ? geometry.triangles : geometry.all;
   }
 
-  // Rows [first_row, end_row), with the triangles of the whole image that are in `list`.
+  // Draws rows [first_row, end_row). `list` has the triangles of the whole image that may have texels there.
   void DrawBand(std::span<const std::int32_t> list, int first_row, int end_row, TextureImage* image,
                 std::vector<std::uint8_t>* drawn) const {
     const auto width = static_cast<std::size_t>(target_.width);
@@ -191,7 +193,7 @@ class TextureDrawing {
       if ((*drawn)[at] >= rank) continue;
       const auto own = static_cast<std::size_t>(texels.owner[i]);
       const std::size_t t = static_cast<std::size_t>(list[own]) - first_;
-      if (t >= triangles_.size()) continue;  // also below first_
+      if (t >= triangles_.size()) continue;  // the triangle is of another source (numbers below first_ wrap around)
       Footprint& footprint = footprints[own];
       if (!is_ready[own]) {
         SetSource(t, &footprint);
@@ -243,10 +245,10 @@ class TextureDrawing {
   void SetSamples(Footprint* footprint) const {
     const FootprintAxes axes = AxesOf(footprint->along_x, footprint->along_y);
     footprint->level = std::min(LevelFor(axes), deepest_);
-    const double texel = std::ldexp(1.0, footprint->level);  // of the level, in old texels
+    const double texel = std::ldexp(1.0, footprint->level);  // width of the level's texels, in old texels
     const auto samples = [&](double s, const Vec2& axis, int* count) -> Vec2 {
       s /= texel;
-      // Pixels that keep their edges are a sum of boxes: the whole texel is averaged.
+      // Without interpolation pixels keep their edges: averages over the whole width of the new texel.
       const double width = source_.nearest ? s : std::sqrt(std::max(0.0, s * s - 1));
       *count = static_cast<int>(std::clamp(std::ceil(source_.nearest ? 4 * width : width), 1.0, kMostMajorSamples));
       return axis * (texel * width / *count);
@@ -255,7 +257,7 @@ class TextureDrawing {
     footprint->minor = samples(axes.s2, axes.minor, &footprint->samples_minor);
     const double sharp = std::min((axes.s1 - kLinearBelow) / (1 - kLinearBelow), 2 - axes.s2);
     footprint->sharpness = static_cast<float>(std::clamp(sharp, 0.0, 1.0));
-    // Texels of mipmaps reach farther: samples keep back so much, if the triangle is large enough.
+    // Texels of mipmaps cover more old texels: samples stay that much farther inside, if the triangle is large enough.
     const double overhang = footprint->level == 0 ? kOverhang : 1.5 * (1 - texel) + kOverhang;
     for (int k = 0; k < footprint->limits; ++k) {
       HalfPlane& limit = footprint->limit[static_cast<std::size_t>(k)];
@@ -263,7 +265,7 @@ class TextureDrawing {
     }
   }
 
-  // A point beside the triangle, no farther from it than kOverhang in old texels.
+  // `p`, which is beside the triangle; moved to the distance kOverhang, in old texels, if it is farther away.
   static Vec2 Near(const Footprint& footprint, const Vec2& p) {
     const Vec2 border = NearestOnBorder(footprint, p), beyond = p - border;
     const double old = (beyond.x() * footprint.along_x + beyond.y() * footprint.along_y).norm();
@@ -285,7 +287,7 @@ class TextureDrawing {
           const double beyond = limit.normal.dot(at) - limit.offset;
           if (beyond > 0) at -= beyond * limit.normal;
         }
-        // Needles have maps without bounds.
+        // The map of a needle may send points arbitrarily far away, or to NaN.
         if (!(at.cwiseAbs().maxCoeff() < 1e12)) at = Vec2(0, 0);
         sum += levels_.At(level, at.x() * scale_x, at.y() * scale_y, footprint.sharpness);
       }
@@ -302,7 +304,7 @@ class TextureDrawing {
     return weights;
   }
 
-  // With the factors, the offset and the colours of the corners.
+  // `value` times the factor and the colours of the corners, plus the offset.
   Rgba Scaled(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
     Rgba factor = {options_.factor[0], options_.factor[1], options_.factor[2], options_.factor[3]};
     if (!colors_.empty()) {
@@ -314,12 +316,12 @@ class TextureDrawing {
       }
       factor *= color;
     }
-    // Colours that have their alpha in them change with it.
+    // Premultiplied colours change with the factor of alpha too.
     if (options_.premultiplied) factor *= Rgba{factor[3], factor[3], factor[3], 1};
     return factor * value + Rgba{options_.offset[0], options_.offset[1], options_.offset[2], options_.offset[3]};
   }
 
-  // A direction of the old tangent frame in the new one.
+  // Converts a normal or a direction from the old tangent frame to the new one.
   Rgba InNewFrame(const Footprint& footprint, std::size_t t, const Vec2& p, Rgba value) const {
     const std::array<double, 3> weights = CornerWeights(footprint, p);
     Vec3 normal = Vec3::Zero(), from = Vec3::Zero(), to = Vec3::Zero();
@@ -385,7 +387,7 @@ class TextureDrawing {
   std::span<const CornerFrames> frames_;
   std::span<const CornerColor> colors_;
   std::span<const TextureTriangle> all_;
-  std::size_t first_;  // of triangles_ in all_
+  std::size_t first_;  // index of the first of triangles_ in all_
   const BakeOptions& options_;
   const ImageHeader& target_;
   WholeEdges whole_;
@@ -440,7 +442,7 @@ std::int64_t TextureBaker::SourceBytes(const ImageHeader& header) {
 
 double TextureSideOf(std::span<const TextureTriangle> triangles, std::span<const double> areas, int old_width,
                      int old_height) {
-  std::vector<std::pair<double, double>> sides;  // and the area of the surface
+  std::vector<std::pair<double, double>> sides;  // per triangle: the side that it needs, and its area on the surface
   double total = 0;
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     const TextureTriangle& triangle = triangles[t];

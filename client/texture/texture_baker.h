@@ -1,4 +1,4 @@
-// Images resampled from one map of a surface to another.
+// Resamples images from one map of a surface to another.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ enum class TextureMeaning {
   kColor,      // colours: filtered in linear light
   kData,       // values that are filtered without conversion
   kNormal,     // directions in the tangent frame, as RGB: converted to the frame of the new map
-  kDirection,  // as kNormal, in the tangent plane, as RG; B is a number (KHR_materials_anisotropy)
+  kDirection,  // as kNormal, but directions in the tangent plane, as RG; B is data (KHR_materials_anisotropy)
 };
 
 // A triangle of the surface in both maps: UV from the upper left corner of the image, v downwards. `from` may be
@@ -37,7 +37,7 @@ struct CornerFrames {
   std::array<float, 4> from_tangent, to_tangent;  // x, y, z, sign
 };
 
-// An image to read from, prepared for filtering.
+// An image to read from, and how the sampler reads it.
 struct TextureSource {
   const TextureImage* image = nullptr;
   TextureImage* spent = nullptr;  // `image`, if Draw() may free its texels once they are read
@@ -47,9 +47,9 @@ struct TextureSource {
 
 struct BakeOptions {
   TextureMeaning meaning = TextureMeaning::kColor;
-  // Colours are weighted with their alpha when they are filtered. Otherwise they are filtered each by itself.
+  // Colours are weighted with their alpha when they are filtered. Otherwise each channel is filtered by itself.
   bool premultiplied = false;
-  double normal_scale = 1;  // of kNormal: x and y are multiplied by it when the image is read
+  double normal_scale = 1;  // for kNormal: multiplies x and y when the image is read
   // kNormal: whether the new image keeps the scale for the renderer to apply; otherwise the scale is painted in.
   bool keeps_normal_scale = true;
   // Each value becomes factor * value + offset: colours in linear light, and their alpha. Colours have no offset.
@@ -58,7 +58,7 @@ struct BakeOptions {
 
 using CornerColor = std::array<float, 4>;  // red, green, blue (linear) and alpha
 
-// What Draw() draws. Each list is empty or has three elements a triangle.
+// The triangles that Draw() draws. `frames` and `colors` are empty, or have three elements per triangle.
 struct TextureGeometry {
   std::span<const TextureTriangle> triangles;
   std::span<const CornerFrames> frames = {};  // for kNormal and kDirection
@@ -70,21 +70,21 @@ struct TextureGeometry {
 
 // Draws sources into a new image, one after the other.
 //
-// The affine map of each triangle between both maps gives the exact footprint of a texel in the old image. Along each
-// principal axis of that map, of singular value s (old texels a new texel), the image is averaged over
+// The affine map of each triangle from the new image to the old one gives the exact footprint of a new texel. Along
+// each principal axis of that map, of singular value s (old texels per new texel), the image is averaged over
 // sqrt(max(0, s^2 - 1)) old texels: together with the texel's own width a box of variance s^2. Samples are one old
-// texel apart or closer, in a mipmap where the smaller s is above kMostMinorSamples. Each sample is interpolated by the
-// cubic of Catmull and Rom, so that the image stays as sharp as it was; where the new map is denser, or half as dense,
-// the interpolation becomes linear, as renderers draw the old image.
+// texel apart or closer; where that would be more than kMostMinorSamples or kMostMajorSamples, they are read from a
+// mipmap. Each sample is interpolated by the cubic of Catmull and Rom, so that the image stays as sharp as it was;
+// where the new map is denser, or half as dense, the interpolation becomes linear, as renderers draw the old image.
 //
 // Texels beside a chart, up to kRing away, are drawn from the nearest triangle. Samples do not go farther than half an
-// old texel beyond an edge at which either map is cut: texels there belong to something else.
+// old texel beyond an edge at which either map is cut, since the texels there belong to something else.
 class TextureBaker {
  public:
-  // The new image, empty. header.bytes() of memory and a byte a texel, from the first Draw() on.
+  // Starts with an empty image. From the first Draw() on, takes header.bytes() of memory and a byte per texel.
   TextureBaker(const ImageHeader& header, ThreadTeam* team);
 
-  // Takes 8 bytes a texel of the old image, 16 where it has 16 bits, and a third more for mipmaps. CANCELLED once *stop
+  // Takes 8 bytes per texel of the old image (16 if it has 16 bits), and a third more for mipmaps. CANCELLED once *stop
   // is true (null: never).
   absl::Status Draw(const TextureSource& source, const TextureGeometry& geometry, const BakeOptions& options,
                     const std::atomic<bool>* stop = nullptr);
@@ -93,7 +93,7 @@ class TextureBaker {
   // the smallest aligned square of 2^k texels around it that has any. Returns the image, and leaves the baker empty.
   TextureImage Finish();
 
-  // Memory that Draw() takes for an image.
+  // The bytes of memory that Draw() takes for an old image.
   static std::int64_t SourceBytes(const ImageHeader& header);
 
  private:
@@ -104,13 +104,13 @@ class TextureBaker {
   void MakeImage();
 
   TextureImage image_;
-  std::vector<std::uint8_t> drawn_;  // per texel: 0 not, 1 beside a triangle, 2 in one
+  std::vector<std::uint8_t> drawn_;  // per texel: 0 not drawn, 1 beside a triangle, 2 in a triangle
   ThreadTeam* team_;
 };
 
-// The side of a square image in which the densest tenth of the surface has the texels per length that it has in the old
-// one: the 90th percentile, weighted by `areas` (of the surface, a triangle), of the square root of the areas in both
-// maps. 0 if no triangle has an area in both.
+// The side of a square image in which nine tenths of the surface have at least as many texels per length as in the old
+// image. This is the 90th percentile, weighted by `areas` (of the triangles on the surface), of the square root of a
+// triangle's area in old texels over its area in the new map. 0 if no triangle has an area in both.
 double TextureSideOf(std::span<const TextureTriangle> triangles, std::span<const double> areas, int old_width,
                      int old_height);
 

@@ -1,4 +1,4 @@
-// What a new image has where nothing was drawn.
+// Fills a new image where nothing was drawn.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-// Means of what was drawn, one for each square of 2^k texels.
+// The means of the drawn texels, one for each square of 2^k texels.
 struct FillLevel {
   int width = 0, height = 0;
   std::vector<std::uint16_t> values;
@@ -22,7 +22,7 @@ template <typename Value>
 void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn, Value* texels) {
   const auto channels = static_cast<std::size_t>(header.channels);
   std::vector<FillLevel> levels;
-  // The level above one of `width` x `height`, from its values.
+  // Adds the level above a level of `width` x `height` with these values.
   const auto add = [&](int width, int height, const auto& has, const auto* values) {
     FillLevel level;
     level.width = (width + 1) / 2;
@@ -54,7 +54,7 @@ void FillGaps(const ImageHeader& header, const std::vector<std::uint8_t>& drawn,
     levels.push_back(std::move(level));
   };
   add(header.width, header.height, drawn, texels);
-  levels.reserve(32);  // references into it stay
+  levels.reserve(32);  // keeps references to elements valid
   while (levels.back().width > 1 || levels.back().height > 1) {
     const FillLevel& below = levels.back();
     add(below.width, below.height, below.has, below.values.data());
@@ -92,7 +92,7 @@ void texture_internal::FillUndrawn(const std::vector<std::uint8_t>& drawn, Textu
 }
 
 TextureImage TextureBaker::Finish() {
-  MakeImage();  // if nothing was drawn
+  MakeImage();  // no effect if something was drawn
   texture_internal::FillUndrawn(drawn_, &image_);
   drawn_.clear();
   return std::move(image_);

@@ -51,7 +51,7 @@ TextureLevels<Texel>::TextureLevels(const TextureSource& source, bool srgb, bool
   base.width = header.width;
   base.height = header.height;
   base.texels.resize(4 * static_cast<std::size_t>(header.texels()));
-  // Values of 8 and of 16 bits as what a level has.
+  // Tables from values of 8 or 16 bits to numbers of a level: `linear` for colours, `plain` for alpha.
   constexpr float scale = TexelScale<Texel>();
   std::vector<float> linear(std::size_t{1} << header.bits), plain(linear.size());
   const double most = static_cast<double>(linear.size()) - 1;
@@ -93,7 +93,7 @@ int TextureLevels<Texel>::MakeLevel(int level) {
     to.width = std::max(1, from.width / 2);
     to.height = std::max(1, from.height / 2);
     to.texels.resize(4 * static_cast<std::size_t>(to.width) * static_cast<std::size_t>(to.height));
-    // A texel is the mean of what it covers, which is parts of texels where a side is odd.
+    // A texel is the mean over the area that it covers. Where a side is odd, this area has parts of texels.
     const double step_x = static_cast<double>(from.width) / to.width;
     const double step_y = static_cast<double>(from.height) / to.height;
     team_->For(to.height, kRowsAChunk, [&](std::int64_t begin, std::int64_t end) {

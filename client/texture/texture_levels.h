@@ -22,26 +22,26 @@ struct TextureLevel {
   std::vector<Texel> texels;
 };
 
-// What 1 is in a level: 16 bits are enough for images of 8, also in linear light.
+// The number that stands for 1 in a level. Levels of 16 bits suffice for images of 8 bits, even in linear light.
 template <typename Texel>
 constexpr float TexelScale() {
   return sizeof(Texel) == 2 ? 65535.0F : 1.0F;
 }
 
-// Tables between sRGB and linear light, of 8 bits.
-const float* LinearOfSrgb8();           // 256
-const std::uint8_t* Srgb8OfLinear16();  // 65536
+// Tables: the linear light of each sRGB value of 8 bits, and the sRGB value of 8 bits for each linear one of 16 bits.
+const float* LinearOfSrgb8();           // 256 entries
+const std::uint8_t* Srgb8OfLinear16();  // 65536 entries
 
 template <typename Texel>
 class TextureLevels {
  public:
   TextureLevels(const TextureSource& source, bool srgb, bool premultiplied, ThreadTeam* team);
 
-  // Makes mipmaps up to `level`, or to the last there is; returns which that is.
+  // Makes mipmaps up to `level`, but none below a level of one texel. Returns the last level up to `level`.
   int MakeLevel(int level);
   const TextureLevel<Texel>& level(int level) const { return levels_[static_cast<std::size_t>(level)]; }
 
-  // At (x, y) in texels of the level, centres at halves. `sharpness` from 0 (linear interpolation) to 1 (cubic).
+  // The value at (x, y), in texels of the level with centres at halves. `sharpness`: 0 (linear) to 1 (cubic).
   // The result is in units of TexelScale, and may lie outside of [0, 1].
   Rgba At(const TextureLevel<Texel>& level, double x, double y, float sharpness) const;
 
@@ -86,7 +86,7 @@ inline Rgba TextureLevels<Texel>::At(const TextureLevel<Texel>& level, double x,
     return Load(texels + 4 * (static_cast<std::size_t>(py) * width + static_cast<std::size_t>(px)));
   }
   const auto weights = [sharpness](float t, float* w) {
-    // Catmull and Rom, and linear.
+    // A mixture of the cubic of Catmull and Rom and linear interpolation.
     const float t2 = t * t, t3 = t2 * t, s = sharpness;
     w[0] = s * 0.5F * (-t3 + 2 * t2 - t);
     w[3] = s * 0.5F * (t3 - t2);

@@ -1,4 +1,4 @@
-// Which texels of a new image belong to which triangle. Used inside client/texture only.
+// Finds which texels of a new image belong to which triangle. Used inside client/texture only.
 #pragma once
 
 #include <algorithm>
@@ -15,15 +15,15 @@
 
 namespace planish::texture_internal {
 
-constexpr int kBandRows = 32;  // that a thread draws at a time
-// Texels from a triangle that are drawn with it: bilinear filters read as far as that.
+constexpr int kBandRows = 32;  // rows that a thread draws at a time
+// Texels up to this distance from a triangle are drawn with it, since bilinear filters read that far.
 constexpr double kRing = 1.5;
 
 inline double Cross(const Vec2& a, const Vec2& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
-// A line of an edge: inside where normal . p <= offset; the normal has length 1.
+// The half-plane of points p with normal . p <= offset; the normal has length 1.
 struct HalfPlane {
   Vec2 normal = Vec2(0, 0);
   double offset = std::numeric_limits<double>::infinity();
@@ -32,8 +32,8 @@ struct HalfPlane {
 // A triangle in texels of the new image.
 struct RasterTriangle {
   std::array<Vec2, 3> to;
-  std::array<HalfPlane, 3> edge;  // of `to`, opposite corner k
-  double area = 0;                // twice, positive
+  std::array<HalfPlane, 3> edge;  // inside the edge of `to` opposite corner k
+  double area = 0;                // twice the area, positive
   bool flipped = false;
 
   std::array<double, 3> WeightsAt(const Vec2& p) const {
@@ -43,7 +43,7 @@ struct RasterTriangle {
   }
 };
 
-// False if the triangle has no area in the new map.
+// Sets *footprint. False if the triangle has no area in the new map, or lies too far from the image.
 inline bool SetTarget(const TextureTriangle& triangle, const ImageHeader& header, RasterTriangle* footprint) {
   for (std::size_t k = 0; k < 3; ++k) {
     footprint->to[k] = Vec2(triangle.to[k].x() * header.width, triangle.to[k].y() * header.height);
@@ -66,8 +66,8 @@ inline bool SetTarget(const TextureTriangle& triangle, const ImageHeader& header
 }
 
 struct BandTexels {
-  std::vector<std::int32_t> owner;  // into the list of the band; -1: nobody
-  std::vector<float> distance;      // squared, to the owner
+  std::vector<std::int32_t> owner;  // index in the band's list of triangles; -1: none
+  std::vector<float> distance;      // squared distance to the owner
 };
 
 // The point of the triangle's border that is nearest to `p`.
@@ -83,7 +83,8 @@ inline Vec2 NearestOnBorder(const RasterTriangle& footprint, const Vec2& p) {
   return nearest;
 }
 
-// Texels in the triangle, and those near it that no other one has or is nearer to.
+// Makes triangle `id` the owner of the texels in it, and of those up to kRing beside it to which no triangle so far is
+// as near.
 inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
   const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
   const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
@@ -121,7 +122,7 @@ inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_ro
   }
 }
 
-// Per band of kBandRows rows the triangles that may have texels in it.
+// Per band of kBandRows rows, the triangles that may own texels in it.
 inline std::vector<std::vector<std::int32_t>> TrianglesOfBands(std::span<const TextureTriangle> triangles,
                                                                const ImageHeader& target) {
   const int bands = (target.height + kBandRows - 1) / kBandRows;

@@ -58,7 +58,7 @@ absl::StatusOr<std::string> EncodeWebpImage(const TextureImage& image) {
   if (WebPConfigInit(&config) == 0 || WebPPictureInit(&picture) == 0) return InternalError("libwebp: wrong version");
   config.quality = kImageQuality;
   config.lossless = image.is_lossless ? 1 : 0;
-  config.exact = 1;                            // colours below no alpha are there for mipmaps
+  config.exact = 1;                            // keeps colours where alpha is 0, as mipmaps need them
   if (image.is_lossless) config.quality = 50;  // effort, not quality
   std::string bytes;
   picture.use_argb = config.lossless;

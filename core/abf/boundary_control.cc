@@ -30,7 +30,7 @@ ActiveSet::ActiveSet(const Topology& topology, const TargetAngles& target)
     const std::int32_t at = position_[topology.faces[c / 3][c % 3]];
     if (at >= 0) compliance_[at] += 1 / (2 * target.weight[c]);
     if (topology.opposite[c] < 0) continue;
-    // Each inner edge is visited from both of its ends, and has a stretch of the boundary on either side.
+    // Each inner edge is visited as two half-edges, one for the stretch of the boundary on either side of it.
     const std::int32_t from = position_[Origin(topology.faces, c)], to = position_[Target(topology.faces, c)];
     if (from >= 0 && to >= 0) stretches_.push_back({from, to > from ? to : to + num_vertices()});
   }
@@ -171,7 +171,8 @@ class ActiveSetMethod {
       }
     }
     if (result.summary.stopped && !flat) {
-      // After a stop, a map with any outline is nearer.
+      // Stopped before the angles were flat: solves without boundary control, because a map with a free outline takes
+      // fewer steps.
       Newton newton(topology_, target_, options_, control_);
       PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run());
       ++solves_;
@@ -256,7 +257,8 @@ class ActiveSetMethod {
     PLANISH_RETURN_IF_ERROR(Solve(tolerance));
     if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
         options_.preconditioner == PreconditionerType::kAmg && topology_.num_faces() <= kMostFallbackFaces) {
-      // This near the solution, the linear solves were not good enough; angles did not collapse.
+      // A solve that fails this near the solution fails because its linear solves were too inaccurate, not because
+      // angles collapse.
       const std::string why = absl::StrCat("with multigrid, ", summary_.stop_message);
       iterate_ = start;
       options_.preconditioner = PreconditionerType::kCholesky;
@@ -305,7 +307,8 @@ class ActiveSetMethod {
   int solves_ = 0, set_changes_ = 0;
   bool flat_ = false;    // Newton::IsFlat() of the last solve
   bool usable_ = false;  // the last solve converged, or nearly if it was a rough one
-  // Over the sets since Settle() began.
+  // Since Settle() began: the least number of wrong vertices, and the set changes left until vertices change one at a
+  // time.
   std::int32_t least_wrong_ = 0;
   std::int64_t patience_ = 0;
 };

@@ -18,9 +18,10 @@
 // pivoting and interior-point algorithms for linear least squares problems with nonnegative variables". The method
 // cannot cycle on a convex problem. This problem is convex only near its solution, so the number of changes is limited.
 //
-// Newton's method restarts for each set from the x and mu of the last one, and is solved only to a fraction of how
-// wrong the last set was. A set that looks right is solved for to the full tolerance. The first set is empty. If angles
-// collapse, the set is settled under a strong barrier (objective.h) first, then under weaker ones, then without.
+// For each set, Newton's method starts from the x and mu of the last one. It ends once its residual is a fraction of
+// how wrong the last set was (Worst()). A set that looks right is solved for to the full tolerance. The first set is
+// empty. If angles collapse, the set is settled under a strong barrier (objective.h) first, then under weaker ones,
+// then without.
 //
 // Not every set has a map. With positive angles, a polygon whose straight vertices are given exists exactly when at
 // least three vertices are not straight and no inner edge has both of its ends on one straight side (Floater 1997,

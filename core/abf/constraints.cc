@@ -32,7 +32,7 @@ class LogQuotient {
   double numerator_ = 1, denominator_ = 1, sum_ = 0;
 };
 
-// of(sine and cosine) for every angle.
+// Calls `of` with the sine and cosine of every angle and returns the results.
 template <typename Of>
 Eigen::VectorXd OfAngles(const Eigen::VectorXd& x, ThreadTeam& team, const Of& of) {
   Eigen::VectorXd result(x.size());

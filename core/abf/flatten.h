@@ -78,8 +78,9 @@ struct FlattenControl : Execution {
   // without having converged, instead of continuing with a barrier or another solver. For charts that can be cut.
   bool gives_up = false;
   // The most FlattenWork::work that the solve may take; 0: no limit. A solve that would take more ends without having
-  // converged (FlattenSummary::out_of_work); a barrier that would take more is given up. The limit does not apply to
-  // solvers without multigrid or a factorization, or with a fixed linear tolerance.
+  // converged (FlattenSummary::out_of_work). If it has converged with a barrier, and would take more without, it keeps
+  // the barrier. The limit does not apply to solvers without multigrid or a factorization, or with a fixed linear
+  // tolerance.
   std::int64_t most_work = 0;
   // Called on the calling thread: at the start, after every Newton step and every few dozen linear iterations.
   std::function<void(const FlattenProgress&)> on_progress = {};
@@ -112,7 +113,7 @@ struct FlattenWork {
   // The reason of the first failure: "Newton step 4: iteration limit after 100 iterations, residual 1.2e-03 of the
   // right-hand side"; empty without failures.
   std::string linear_failure;
-  // What multigrid had to do without, and why (StepSolver::left_out); empty if nothing was missing in any step.
+  // The part of multigrid that was left out in some step, and why (StepSolver::left_out()); empty if there was none.
   std::string preconditioner_note;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps with an exact Hessian that was not positive, by MINRES
@@ -126,11 +127,12 @@ struct FlattenSummary : FlattenWork {
   PreconditionerType preconditioner = PreconditionerType::kNone;
   bool preconditioner_changed = false;  // multigrid failed, and a Cholesky factorization replaced it
   std::string multigrid_failure;        // why multigrid failed; empty if it did not
-  // As requested; for kAuto: kExact if some step used an exact Hessian that was not positive.
+  // The requested type. For kAuto: kExact if some step used an exact Hessian that was not positive, otherwise kConvex.
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early
-  // FlattenControl::most_work ended the solve; if `converged`, f may have a minimum without `barrier`.
+  // FlattenControl::most_work ended the solve. If `converged`, the limit ended the attempt without `barrier`, so f
+  // alone may have a minimum.
   bool out_of_work = false;
   Residual residual;
   BoundaryReport boundary;

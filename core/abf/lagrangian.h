@@ -48,7 +48,7 @@ enum class Convexification {
   kByAngle,
 };
 
-// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed. With kByFace,
+// Convexifies `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed. With kByFace,
 // `weak` gets the faces whose smallest eigenvalue was below ConvexityTuning::weak_curvature, ascending.
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
                        ThreadTeam& team = Alone(), std::vector<std::int32_t>* weak = nullptr,

@@ -29,8 +29,8 @@ Complex MinusQuotient(const Complex& a, const Complex& b) {
   return {(a.re * b.re + a.im * b.im) * inverse, (a.im * b.re - a.re * b.im) * inverse};
 }
 
-// Per half-edge c = 3 f + k. Unlike a vector's, this memory is first touched by the loop that fills it, on many
-// threads.
+// The edge vector of each half-edge c = 3 f + k. An array, because a std::vector would be zeroed by one thread; this
+// memory is first touched by the loop that fills it, on many threads.
 using Edges = std::unique_ptr<Complex[]>;
 
 // The half-edges of every face on its own: half-edge 0 along the real axis, in units of the circumcircle's diameter.
@@ -95,7 +95,7 @@ class ShortestFirst {
     first_ = std::min(first_, index);
   }
 
-  // What Pop() will probably return after some more calls; -1 if unknown. For prefetching.
+  // The half-edge that Pop() will probably return after a few more calls; -1 if unknown. For prefetching.
   std::int32_t Foresee() const {
     constexpr std::size_t kAhead = 12;
     if (first_ >= queues_.size()) return -1;
@@ -103,7 +103,7 @@ class ShortestFirst {
     return queue.head + kAhead < queue.half_edges.size() ? queue.half_edges[queue.head + kAhead] : -1;
   }
 
-  // -1 if the queue is empty.
+  // Removes the next half-edge and returns it; -1 if the queue is empty.
   std::int32_t Pop() {
     for (; first_ < queues_.size(); ++first_) {
       Queue& queue = queues_[first_];
@@ -120,7 +120,7 @@ class ShortestFirst {
     std::size_t head = 0;
   };
 
-  // The exponent and the first bit of the mantissa, which grow with the logarithm; 4096 classes.
+  // The exponent and the first bit of the mantissa as one number below 4096, which grows with the logarithm.
   static std::uint64_t Class(double squared_length) { return std::bit_cast<std::uint64_t>(squared_length) << 1 >> 52; }
 
   const std::uint64_t shortest_;
@@ -216,7 +216,8 @@ std::vector<std::complex<double>> UnfoldRows(const Topology& topology, const Eig
       placed[apex] = 1;
       position[apex] = position[topology.faces[f][Next(k)]] + side;
     }
-    // The other edges, in the order of the triangles across them.
+    // Queues the triangle across the edge that `corner` faces, unless it was seen. `vector`: that edge, in the
+    // direction in which the next triangle has it.
     const auto cross = [&](std::int32_t corner, Complex vector) {
       const std::int32_t o = topology.opposite[corner];
       if (o < 0 || seen[o / 3]) return;

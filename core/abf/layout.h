@@ -1,4 +1,4 @@
-// From angles to positions in the plane: first every edge as a vector, then sums of edges.
+// Computes positions in the plane from angles: first every edge as a vector, then sums of edges.
 //
 // The edges of a triangle follow from those of a neighbour by one rotation and one scaling, along a spanning tree of
 // the dual graph, so the error of an edge stays small relative to its length. Positions are sums of edges along a
@@ -17,8 +17,8 @@
 namespace planish {
 
 // Positions of the vertices, in units of the longest edge; vertices without a face are at 0. `angles` are 3F planar
-// angles in (0, pi) that meet the constraints; edges close up only as far as they do. If the scale of the map exceeds
-// the range of a double, positions are not finite. O(F). Empty after a cancellation.
+// angles in (0, pi) that meet the constraints; the edges of a loop add up to zero only as far as the angles do so. If
+// the scale of the map exceeds the range of a double, positions are not finite. O(F). Empty after a cancellation.
 std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
 
 // A rough layout for the multigrid (core/linalg/multigrid.h): unfolds the mesh triangle by triangle, breadth first,

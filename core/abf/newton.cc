@@ -13,16 +13,16 @@
 namespace planish {
 namespace {
 
-// Relative tolerance of a linear solve in terms of its residual, for solvers without a good preconditioner.
+// Relative tolerance of the residual of a linear solve, for solvers without a good preconditioner.
 double ForcingTerm(double residual, double tolerance, const ForcingTuning& tuning) {
   const double on_the_way = std::min(tuning.of_residual * residual, tuning.max_term);
   const double last = std::min(tuning.of_tolerance * tolerance / residual, tuning.max_last_term);
   return std::max({on_the_way, last, tuning.min_term});
 }
 
-// Forcing terms for solvers with a good preconditioner, in terms of the error and of what remains of each constraint.
-// To first order, that is the residual of the solve. (The gradient vanishes: x and the multipliers of the triangles are
-// recovered exactly.)
+// Forcing terms for solvers with a good preconditioner: limits of the error, and of the violation that remains in each
+// constraint after the step. To first order, that violation is the residual of the linear solve. (The gradient
+// vanishes: x and the multipliers of the triangles are recovered exactly.)
 std::vector<RoughTolerance> RoughForcing(const Residual& residual, double violations, double tolerance,
                                          const ForcingTuning& tuning) {
   const double constraints = std::max({residual.triangle, residual.vertex, residual.wheel});
@@ -114,7 +114,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
     history_.cut_short = true;
   } else if (HasWorkLimit() && WorkLeft() <= 0 && solved.termination == LinearTermination::kIterationLimit) {
-    // Newton's method ends after this step, if there is one.
+    // The work limit ended this solve, which is no failure. Newton's method ends after this step.
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -144,8 +144,8 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
   *slope = derivative.slope;
   if (derivative.slope <= derivative.noise) return true;
-  // This is the slope of a step that meets the linearized constraints. Where the constraints hold already, what the
-  // linear solver has left of them matters more.
+  // This slope is that of a step that meets the linearized constraints. Near the constraints, the violations that the
+  // linear solver has left matter more. So the slope may be positive by the penalty of these violations.
   Eigen::VectorXd left;
   ApplyPairRows(topology_, at_.cot, step->x, &left, team());
   Assign(team(), left + at_.h.pair, &left);
@@ -156,7 +156,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   const LineSearchTuning& line_search = tuning().line_search;
   const double before = merit_.Value(at_.x, at_.energy, at_.h);
   const double rounding = line_search.merit_rounding * std::abs(before);
-  // The point at alpha along a step, and whether its merit is low enough.
+  // Sets `trial` to the point at `alpha` along the step `x`. True if its merit is low enough.
   Point trial;
   const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
     summary_.work += tuning().work.trial;
@@ -179,7 +179,8 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     // and Wright 2006, section 15.5). A second-order correction goes back to where the constraints hold: the least step
     // d with B d = -h(x + step).
     NewtonStep correction;
-    // Only h of the trial is needed, and memory is at its peak here, so its x serves as the gradient 0.
+    // Only h of the trial is needed. Memory is at its peak here, so the trial's x, set to zero, serves as the zero
+    // gradient.
     trial.sine.resize(0);
     trial.x.setZero();
     PLANISH_RETURN_IF_ERROR(Solve(trial.x, trial.h, &correction).status());
@@ -301,7 +302,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   bool moved = false;
   while (true) {
     Evaluate();
-    // A step that failed, or a change of the objective, replaces the last entry.
+    // After a step that failed, or a change of the objective, the last entry is overwritten.
     summary_.residuals.resize(static_cast<std::size_t>(summary_.newton_iterations) + 1);
     summary_.residuals.back() = static_cast<float>(summary_.residual.Max());
     Report(0, 0);
@@ -317,9 +318,9 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
     course_.whole_step = moved && history_.length == 1 && !history_.cut_short;
-    if (history_.cut_short && !moved) continue;  // a stopped solve says nothing about whole solves
-    // Where the constraints hold already, what a rough linear solve leaves of them can keep the merit function from
-    // falling.
+    if (history_.cut_short && !moved) continue;  // a solve that was cut short says nothing about a full one
+    // Near the constraints, the violations that a rough linear solve leaves can keep the merit function from falling.
+    // After a tiny step, or none, all linear solves are therefore exact.
     if (history_.length < tuning().line_search.tiny_step && !course_.exact_steps) {
       course_.exact_steps = true;
       continue;
@@ -337,7 +338,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   objective_.set_barrier(barrier.weakest);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
-    // Starts again, with stronger barriers before the weakest.
+    // Starts again with the strongest barrier and weakens it step by step.
     Start();
     for (const double tau : BarrierSequence(barrier)) {
       objective_.set_barrier(tau);
@@ -347,7 +348,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
     }
   }
   if (ending != Ending::kConverged) return ending;
-  // Now without a barrier.
+  // Goes on without a barrier.
   Point kept = at_;
   Multipliers kept_mu = at_.mu;
   objective_.set_barrier(0);
@@ -400,7 +401,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
   summary_.out_of_work |= ending == Ending::kOutOfWork;
-  // Indexed by Ending.
+  // The beginning of the message for each Ending, in the order of the enum.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped",
                                       "given up, since it took too much work,"};
   const Residual& r = summary_.residual;

@@ -42,14 +42,14 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From StartingAngles() and mu = 0 to a minimum of f. If angles collapse, the method continues with a barrier, then
-  // tries without one from there. The barrier is kept if f alone has no minimum with positive angles.
+  // Goes from StartingAngles() and mu = 0 to a minimum of f. If angles collapse, the method continues with a barrier,
+  // then tries without one from there. The barrier is kept if f alone has no minimum with positive angles.
   absl::StatusOr<FlattenSummary> Run();
-  // From `start` to a minimum of f with the barrier of `start`, or until angles collapse. Counts continue from
+  // Goes from `start` to a minimum of f with the barrier of `start`, or until angles collapse. Counts continue from
   // `before`.
   absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start, const FlattenWork& before);
 
-  // For tests of failed linear solves.
+  // The solver of linear systems, for tests that make it fail.
   StepSolver& step_solver() { return steps_; }
 
   // The end point of Run() or RunFrom().
@@ -70,7 +70,7 @@ class Newton {
     double energy = 0;
   };
   Point PointAt(Eigen::VectorXd x) const;
-  // Does not change mu.
+  // Replaces the point of at_. Does not change mu.
   void MoveTo(Point point) { static_cast<Point&>(at_) = std::move(point); }
 
   struct State : Point {
@@ -84,9 +84,9 @@ class Newton {
   void Forget();
   // Continues Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
-  // The summary of the run.
+  // Returns the summary of the run, with its message.
   FlattenSummary Finish(Ending ending);
-  // Newton steps on the current objective until every residual is at most `tolerance`.
+  // Takes Newton steps on the current objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
   // Whether a stop is requested and no further step may be taken (StopTuning).
   bool EndsEarly();
@@ -113,18 +113,19 @@ class Newton {
   absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
   // The smallest ratio of an angle to its target.
   double SmallestRatio() const;
-  // Whether angles collapse (BarrierTuning); never with a barrier. Counts steps, so it is called once after each.
+  // Whether angles collapse (BarrierTuning); false if there is a barrier.
+  // Counts steps, so it is called once after each step.
   bool AnglesCollapse();
   // Calls on_progress. The arguments are those of the current linear solve.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
 
-  // Not reset by Forget().
+  // The state that Forget() does not reset.
   struct History {
-    // Of the latest step.
+    // About the latest step.
     double length = 0;                          // 0: no step was taken
     bool cut_short = false;                     // a stop request ended a linear solve
-    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
-    // Since a stop was requested.
+    std::vector<std::int32_t> weak_faces = {};  // set by Convexify()
+    // Counts since a stop was requested.
     std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
     bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   };
@@ -142,17 +143,17 @@ class Newton {
   const NewtonTuning& tuning() const { return options_.tuning.newton; }
   ThreadTeam& team() const { return control_.Team(); }
 
-  // The arguments.
+  // The arguments of the constructor.
   const Topology& topology_;
   const TargetAngles& target_;
   const FlattenOptions& options_;
   const FlattenControl& control_;
-  // The parts.
+  // The parts of the method.
   Objective objective_;
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // The state.
+  // The state of the run.
   State at_;
   Course course_;
   History history_;

@@ -61,7 +61,7 @@ Eigen::VectorXd BoundMultipliers::Curvature(const Eigen::VectorXd& x) {
 void BoundMultipliers::Follow(const Eigen::VectorXd& x, const Eigen::VectorXd& next, double length) {
   const double tau = objective_.barrier();
   if (tau == 0 || z_.size() == 0) return;
-  // z + dz is to meet x z + x dz + z dx = tau.
+  // The step dz of z solves x z + x dz + z dx = tau.
   Assign(team_,
          (z_ + length * (tau * x.cwiseInverse() - z_) - z_.cwiseQuotient(x).cwiseProduct(next - x))
              .cwiseMax(tau / tuning_.multiplier_range * next.cwiseInverse())

@@ -97,7 +97,7 @@ absl::Status StepSolver::PrepareExact() {
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (!by_multigrid_.s) by_multigrid_.s = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  // The first numbers come from an unfolding with angles that do not close up.
+  // The first multigrid is made from an unfolding with angles that do not close up, so the next step renews it.
   const bool first = wear_.solves < 0;
   const bool renew =
       first || !by_multigrid_.is_closed || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
@@ -165,7 +165,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
-  // Solves again with a new preconditioner. If S is singular in double precision, keeps what was found.
+  // Solves again with a new preconditioner. If S is singular in double precision, keeps the last solution.
   const auto solve_again = [&](const absl::Status& prepared, std::int64_t max_iterations) {
     if (!prepared.ok()) return absl::IsFailedPrecondition(prepared) ? absl::OkStatus() : prepared;
     const std::int64_t wasted = summary.iterations;

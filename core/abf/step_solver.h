@@ -59,8 +59,8 @@ class StepSolver {
   PreconditionerType preconditioner() const { return types_.preconditioner; }
   // Why multigrid failed; empty if it has not.
   const std::string& multigrid_failure() const { return by_multigrid_.failure; }
-  // What multigrid had to do without in the latest Prepare() that lacked something, and why; empty if none did. Either
-  // exact solves on the rows of weak faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding.
+  // The part of multigrid that the latest incomplete Prepare() left out, and why: exact solves on the rows of weak
+  // faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding. Empty if no Prepare() left anything out.
   const std::string& left_out() const { return by_multigrid_.left_out; }
 
   // For tests of failed solves: `solver` replaces all others, also MINRES for indefinite systems.
@@ -82,11 +82,11 @@ class StepSolver {
   };
   // The number of solves and iterations with the factorization or multigrid in use.
   struct Wear {
-    int solves = -1;                                         // with it; -1 before it is built
+    int solves = -1;                                         // -1 before it is built
     std::int64_t first_iterations = 0, last_iterations = 0;  // of the first and the latest of these solves
 
-    // Whether it must be built: for the first time, or because the last solve took more than `tolerated_iterations`
-    // more iterations than the first.
+    // Whether the factorization or multigrid must be built: for the first time, or because the last solve took more
+    // than `tolerated_iterations` more iterations than the first.
     bool IsOut(std::int64_t tolerated_iterations) const {
       return solves < 0 || (solves > 0 && last_iterations > first_iterations + tolerated_iterations);
     }
@@ -118,8 +118,8 @@ class StepSolver {
   LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; the one for indefinite systems
   bool limit_indefinite_ = true;
   Iterate iterate_;
-  // Kept from step to step to build preconditioners, and S: in float for multigrid, which itself works in float, in
-  // double for all others.
+  // Objects that are kept from step to step to build preconditioners, and S itself: in float for multigrid, which works
+  // in float, in double for everything else.
   struct {
     std::unique_ptr<ReducedMatrix<float>> s;
     std::unique_ptr<Multigrid> multigrid;

@@ -64,7 +64,7 @@ Eigen::VectorXd FullSystem::SchurDiagonal() const {
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     pair[0] += inverse_hessian_[c];
     if (!topology_.has_wheel(v)) {
-      pair[1] = pair[0];  // the row is absent: any positive value
+      pair[1] = pair[0];  // the row is empty: any positive value will do
       continue;
     }
     pair[1] +=
@@ -113,7 +113,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
     diagonal[2 * v] += (a1 + a2) * inverse_e_[f];
     diagonal[2 * v + 1] += (c1 * c1 * (a2 + a0) + c2 * c2 * (a0 + a1) + 2 * c1 * c2 * a0) * inverse_e_[f];
   }
-  // Without a wheel the row is absent: any positive value.
+  // The wheel row of a vertex without a wheel condition is empty: any positive diagonal will do.
   for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
@@ -229,7 +229,7 @@ const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd
         add(1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
         add(2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
       }
-      // Without a wheel the row is absent: any positive value.
+      // The wheel row of a vertex without a wheel condition is empty: any positive diagonal will do.
       if (!topology_.has_wheel(static_cast<std::int32_t>(v))) {
         double* diagonal = &row[4 * std::size_t(diagonal_[v] - row_begin)];
         diagonal[3] = diagonal[0];

@@ -24,7 +24,7 @@
 
 namespace planish {
 
-// M, matrix-free.
+// The full system M. Applies M without storing it.
 class FullSystem final : public SaddlePointOperator {
  public:
   // `hessian` is the diagonal A (no zeros), `cot` the cotangents at which B is taken. `topology` must outlive this.
@@ -41,7 +41,7 @@ class FullSystem final : public SaddlePointOperator {
   Eigen::VectorXd inverse_hessian_, cot_;
 };
 
-// S.
+// The reduced system S.
 class ReducedSystem final : public SaddlePointOperator {
  public:
   // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken. All
@@ -100,7 +100,7 @@ class ReducedMatrix {
   const Topology& topology_;
   ThreadTeam& team_;
   BlockMatrix<Scalar> matrix_;
-  std::vector<std::int32_t> diagonal_;  // block of each row
+  std::vector<std::int32_t> diagonal_;  // per row: its diagonal block
 };
 
 }  // namespace planish

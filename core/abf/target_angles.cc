@@ -24,7 +24,7 @@ Eigen::VectorXd StartingAngles(const TargetAngles& target, ThreadTeam& team) {
   Eigen::VectorXd start(target.angle.size());
   team.ForEach(start.size() / 3, [&](std::int64_t f) {
     const auto a = target.angle.segment<3>(3 * f);
-    // By Cauchy and Schwarz (sum - pi) a_i < a_1^2 + a_2^2 + a_3^2 wherever a_i < 2 pi.
+    // The results are positive: by Cauchy and Schwarz (sum - pi) a_i < a_1^2 + a_2^2 + a_3^2 wherever a_i < 2 pi.
     const Eigen::Vector3d give = target.weight.segment<3>(3 * f).cwiseInverse();
     start.segment<3>(3 * f) = a + (std::numbers::pi - a.sum()) / give.sum() * give;
   });

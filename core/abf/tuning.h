@@ -58,10 +58,11 @@ struct ConvexityTuning {
   // Least eigenvalue of a face's 3x3 block, relative to diag(f'') on the plane of angle changes that sum to zero. A
   // face below it is moved towards diag(f'') just far enough to reach it. Smaller: longer steps into directions where
   // the model is least accurate, and worse conditioned systems; larger: more steps. Sweep: matters only where many
-  // faces are not positive, and there both ways (1,644 iterations on "higher hills", 609 with half, 1,245 with double).
+  // faces are not positive, and there half and double are both better (1,644 iterations on "higher hills", 609 with
+  // half, 1,245 with double).
   double min_curvature = 0.02;
-  // In the preconditioner of an indefinite system, the least absolute value of such an eigenvalue. At most
-  // min_curvature.
+  // Like min_curvature, for the preconditioner of an indefinite system: the least absolute value of an eigenvalue. At
+  // most min_curvature.
   double min_magnitude = 0.002;
   // Faces below this eigenvalue are weak: in S they are so much stronger than their neighbours that multigrid works
   // badly, and their vertices are solved for exactly. Larger: fewer but costlier iterations.
@@ -149,7 +150,7 @@ struct StopTuning {
   // Iterations of one linear solve: max(min_iterations, iteration_faces / faces); of all solves, min_steps times that.
   std::int64_t min_iterations = 50;
   std::int64_t iteration_faces = 8'000'000;
-  // Relative error, or residual, at which such a solve ends.
+  // Relative error, or residual, at which a linear solve ends after a stop request.
   double tolerance = 1e-4;
 };
 
@@ -191,8 +192,8 @@ struct StepTuning {
   std::int64_t max_iterations_without_fallback = 3000;
   // If the caller prefers cutting the chart (FlattenControl::gives_up), a system that takes more iterations ends the
   // solve. The 84 shared meshes, and nets of 444,216 and 507,360 faces, have the same charts as without this limit. So
-  // have 39,366 faces with slivers and 38,576 of one mesh forty times over, whose solves take 0.38 of the time. With
-  // 15, a mesh that is refined towards points has other charts.
+  // have a mesh of 39,366 faces with slivers, and one of 38,576 faces that holds the same mesh forty times; their
+  // solves take 0.38 of the time. With 15, a mesh that is refined towards points has other charts.
   std::int64_t iterations_to_give_up = 25;
   // MINRES on an indefinite system gives up after the larger of these: a count, and a multiple of the last positive
   // system's iterations.
@@ -209,16 +210,19 @@ struct StepTuning {
 //
 // If multigrid fails, a Cholesky factorization may replace it on charts of at most this many faces.
 inline constexpr std::int32_t kMostFallbackFaces = 50'000;
-// Bytes a face of its factor, in the order of minimum degree: a chart of 50,000 faces takes 1,310 bytes a face in all.
+// Bytes per face of the Cholesky factor, ordered by minimum degree. In all, a chart of 50,000 faces takes 1,310 bytes
+// per face.
 inline constexpr std::int64_t kFallbackBytesPerFace = 1100;
-// Limit for the exact solves on the rows of weak faces: a part of the reservation for multigrid.
+// The exact solves on the rows of weak faces may take this many bytes per face, or kLeastPatchBytes if that is more. It
+// is part of the reservation for multigrid.
 inline constexpr std::int64_t kPatchBytesPerFace = 100, kLeastPatchBytes = 1'000'000;
 
 // The active set of a convex boundary (boundary_control.h).
 struct BoundaryTuning {
-  // The angles for a set that may be wrong are solved for to this part of how wrong the last set was, within the
-  // tolerance and rough_tolerance (rad). Larger: cheaper solves, more changes of the set. Sweep: half the
-  // rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary; double saves one.
+  // A set that may be wrong is solved for to a residual of rough_part times how wrong the last set was
+  // (ActiveSet::Worst()), but not below the tolerance and not above rough_tolerance (rad). Larger: cheaper solves, more
+  // changes of the set. Sweep: half the rough_tolerance costs 19 steps more of 28 on high hills with a convex boundary;
+  // double saves one.
   double rough_part = 0.1;
   double rough_tolerance = 1e-2;
   // A rough solve ends after rough_steps Newton steps. Its angles are good enough to judge the set if constraints hold
@@ -231,7 +235,7 @@ struct BoundaryTuning {
   std::int64_t max_set_changes = 200;
 };
 
-// All constants.
+// All constants of the solver for angles.
 struct FlattenTuning {
   NewtonTuning newton;
   StepTuning step;

@@ -45,7 +45,7 @@ struct Command {
     for (const Flag& flag : positionals) usage += " " + flag.names.front();
     return commands.empty() ? usage : usage + " COMMAND";
   }
-  // In the order of their first flags; the common group is first.
+  // The groups of all flags, in the order of their first flags; the common group is first.
   std::vector<std::string> Groups() const {
     std::vector<std::string> groups = {kCommonGroup};
     for (const Flag& flag : flags) {
@@ -223,7 +223,7 @@ void Walk(const Command& command, const auto& visit) {
   for (const Command& sub : command.commands) Walk(sub, visit);
 }
 
-// In single quotes. `apostrophe` replaces apostrophes in the text.
+// `text` in single quotes. `apostrophe` replaces each apostrophe in it.
 std::string Quoted(const std::string& text, const std::string& apostrophe = "'\\''") {
   return "'" + absl::StrReplaceAll(text, {{"'", apostrophe}}) + "'";
 }

@@ -9,8 +9,8 @@ class App;
 
 namespace planish {
 
-// The parts of a man page that are not generated. `before` and `after` are roff, between NAME and OPTIONS and after
-// OPTIONS.
+// The parts of a man page that are not generated. `before` goes between NAME and OPTIONS, `after` behind OPTIONS. Both
+// are roff.
 struct ManFrame {
   int section = 1;
   std::string manual;  // "User Commands"

@@ -13,7 +13,7 @@ CornerSplit SplitCorners(std::int64_t num_vertices, std::span<const std::int32_t
   split.source = Indices(num_vertices);
   split.uv.resize(2 * num_vertices, 0.0);
   split.corner.reserve(corner_vertex.size());
-  // Linked lists, since a vertex has few UV.
+  // Per new vertex: the next copy of the same old vertex. Linked lists will do, since a vertex has few copies.
   std::vector<std::int32_t> next(num_vertices, kLast);
   std::vector<bool> is_used(num_vertices, false);
   std::vector<bool> has_corner(fill_unused ? num_vertices : 0, false);

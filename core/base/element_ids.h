@@ -19,7 +19,7 @@ std::vector<std::int64_t> IdsIn(const std::string& text);
 // Maps an old id to a new one. An empty function keeps all ids; a negative result keeps this id.
 using IdMap = std::function<std::int64_t(std::int64_t)>;
 
-// From one numbering to another, such as that of the uploaded mesh.
+// Maps ids of one numbering to those of another, such as that of the uploaded mesh.
 struct Renumbering {
   IdMap vertex;
   IdMap face;

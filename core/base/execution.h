@@ -1,5 +1,5 @@
 // What a computation may use (a team of threads) and what may end it early (cancel and stop requests). Every stage gets
-// one.
+// an Execution.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +32,7 @@ struct Execution {
   void Report(double fraction) const {
     if (progress != nullptr) (*progress)(progress_begin + fraction * (progress_end - progress_begin));
   }
-  // An Execution whose Report(0) and Report(1) are these fractions of this one's.
+  // The Execution for a part of this stage: its Report(0) and Report(1) are Report(begin) and Report(end) of this one.
   Execution Part(double begin, double end) const {
     Execution part = *this;
     const double whole = progress_end - progress_begin;
@@ -40,13 +40,13 @@ struct Execution {
     part.progress_end = progress_begin + end * whole;
     return part;
   }
-  // The same requests, without the team.
+  // An Execution with the same requests, but without the team and without progress.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
   ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }
   // IsCancelled(), checked once in kStride steps.
   bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
-  // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
+  // Calls body(begin, end) for every chunk of [0, n) that is not skipped, as ThreadTeam::For does.
   template <typename Body>
   void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
     Team().For(n, chunk, [&](std::int64_t begin, std::int64_t end) {
@@ -54,7 +54,7 @@ struct Execution {
     });
   }
 
-  // each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
+  // Calls each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
   template <typename Each>
   void ForEach(std::int64_t n, const Each& each) const {
     For(n, [&](std::int64_t begin, std::int64_t end) {

@@ -33,7 +33,8 @@ void PreferHugePages(std::size_t reserved) {
 }  // namespace
 
 void KeepFreedMemory() {
-  // Sanitizers have an allocator of their own, which mallopt() does not reach, and write to an eighth of each block.
+  // Sanitizers have an allocator of their own. mallopt() does not reach it, and it writes shadow memory of an eighth of
+  // the size of each block, so that reserving a large block is expensive.
   if (kSanitized) return;
   mallopt(M_MMAP_THRESHOLD, INT_MAX);
   mallopt(M_TRIM_THRESHOLD, INT_MAX);

@@ -8,7 +8,7 @@ namespace planish {
 // Thread-safe: any thread may interrupt; solvers only read.
 class Interrupter {
  public:
-  // Cannot be undone.
+  // Sets the flag for good.
   void Interrupt() { interrupted_.store(true, std::memory_order_relaxed); }
   bool IsInterrupted() const { return interrupted_.load(std::memory_order_relaxed); }
 
@@ -16,7 +16,7 @@ class Interrupter {
   std::atomic<bool> interrupted_ = false;
 };
 
-// False for null.
+// Whether `interrupter` is interrupted; false if it is null.
 inline bool IsInterrupted(const Interrupter* interrupter) {
   return interrupter != nullptr && interrupter->IsInterrupted();
 }

@@ -29,7 +29,7 @@ inline constexpr double kLn2High = 6.93147180369123816490e-01, kLn2Low = 1.90821
 
 // The nearest whole number to x, |x| < 2^51.
 inline double Nearest(double x) {
-  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: has no fraction bits to spare
+  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: a sum with it has no bits for a fraction
   return (x + kShift) - kShift;
 }
 
@@ -83,7 +83,7 @@ struct SineCosine {
   double sine, cosine;
 };
 
-// Both at once, for |x| <= 1e6. NaN for larger angles, infinities and NaN.
+// The sine and cosine of x, for |x| <= 1e6. NaN for larger angles, infinities and NaN.
 inline SineCosine SinCos(double x) {
   if (!(std::abs(x) <= 1e6)) return {internal::kNaN, internal::kNaN};
   const internal::ReducedAngle a = internal::Reduce(x);
@@ -105,17 +105,18 @@ inline double Sin(double x) {
 inline double Cos(double x) {
   return SinCos(x).cosine;
 }
-// To 3 units in the last place.
+// The tangent of x, to 3 units in the last place.
 inline double Tan(double x) {
   const auto [sine, cosine] = SinCos(x);
   return sine / cosine;
 }
 
-// Both at once for angles of triangles, in [0, pi]. Without branches, so that loops are vectorized. The sine is exact
-// to 4 units in its last place, near pi too; the cosine to 4e-16.
+// The sine and cosine of an angle of a triangle, in [0, pi]. Without branches, so that loops are vectorized. The sine
+// is exact to 4 units in its last place, near pi too; the cosine to 4e-16.
 inline SineCosine SinCosInTriangle(double angle) {
   const double supplement = (std::numbers::pi - angle) + internal::kPiLow;
-  // Taylor series at half of the acute angle, at most pi / 4, with terms to beyond double's precision.
+  // Taylor series for half of `angle` or of its supplement, whichever is smaller: at most pi / 4. The terms left out
+  // are below double's precision.
   const double t = 0.5 * (angle < supplement ? angle : supplement);
   const double u = t * t;
   const double s = t + t * (u * internal::Horner(u, 1.0 / 355687428096000, -1.0 / 1307674368000, 1.0 / 6227020800,
@@ -165,7 +166,7 @@ inline double Atan2(double y, double x) {
   // |t| <= 1 / 16: the terms left out are below 1e-18 t.
   const double p = internal::Horner(u, 1.0 / 15, -1.0 / 13, 1.0 / 11, -1.0 / 9, 1.0 / 7, -1.0 / 5, 1.0 / 3);
   const double small = t - t * (u * p);
-  // pi - (pi / 2 - angle); each reflection only if needed.
+  // Turns the angle into pi / 2 - angle if steep, and then into pi - angle if x is negative.
   double high = kTable[i].high, low = kTable[i].low, sign = 1;
   const auto reflect = [&](double at, double at_low) {
     const double sum = at - high;
@@ -186,7 +187,7 @@ inline double Log(double x) {
     if (x == 0) return -internal::kInfinity;
     if (x == internal::kInfinity) return x;
     if (!(x > 0)) return internal::kNaN;
-    x *= 0x1p54;  // subnormal
+    x *= 0x1p54;  // x is subnormal
     scale = -54;
   }
   // x = 2^k (1 + f) with 1 + f in [sqrt(1/2), sqrt(2)).
@@ -204,7 +205,7 @@ inline double Log(double x) {
   return k * internal::kLn2High - ((half - (s * (half + (odd + even)) + k * internal::kLn2Low)) - f);
 }
 
-// 0 below -745.2 and infinity above 709.8.
+// e^x: 0 below -745.2 and infinity above 709.8.
 inline double Exp(double x) {
   if (std::isnan(x)) return x;
   if (x > 709.79) return internal::kInfinity;
@@ -218,7 +219,7 @@ inline double Exp(double x) {
       internal::Horner(r, 1.0 / 87178291200, 1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800,
                        1.0 / 362880, 1.0 / 40320, 1.0 / 5040, 1.0 / 720, 1.0 / 120, 1.0 / 24, 1.0 / 6, 1.0 / 2);
   const double value = 1 + (r + (rest + r * r * p));
-  // In two steps, since 2^k may overflow or underflow.
+  // Multiplies by 2^k in two steps, since 2^k itself may overflow or underflow.
   const int n = static_cast<int>(k), half = n / 2;
   return value * internal::PowerOfTwo(half) * internal::PowerOfTwo(n - half);
 }

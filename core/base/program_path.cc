@@ -9,7 +9,7 @@
 namespace planish {
 
 std::string SelfToExecute() {
-  // The kernel maps no loader if the program itself is a loader.
+  // AT_BASE is the address of the loader that the kernel has mapped; 0 if the program itself is a loader.
   const bool launched = getauxval(AT_BASE) == 0 && program_invocation_name[0] == '/';
   return launched ? program_invocation_name : "/proc/self/exe";
 }

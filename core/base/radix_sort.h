@@ -14,7 +14,7 @@ struct KeyedIndex {
   std::int32_t index;
 };
 
-// Sorts by key; stable. O(n) for every 11 bits in which the keys differ. Needs the same memory once more.
+// Sorts by key; stable. O(n) for every 11 bits in which the keys differ. Needs memory for a copy of the entries.
 void SortByKey(std::vector<KeyedIndex>* entries);
 
 // The numbers from 0 to n - 1.

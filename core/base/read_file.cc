@@ -12,7 +12,7 @@
 namespace planish {
 
 absl::StatusOr<std::string> ReadTextFile(const std::string& what, const std::string& path) {
-  // Not by streams, which do not say what went wrong and report an empty file as a failure.
+  // Uses no streams, since they do not say what went wrong and report an empty file as a failure.
   const auto error = [&](int number) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot read ", what, " ", path, ": ", std::generic_category().message(number)));

@@ -17,13 +17,13 @@ struct NewProcess {
   bool own_group = false;              // run in a new process group, so that Ctrl-C at the terminal does not reach it
 };
 
-// Returns an errno, 0 for success. The caller must reap the process.
+// Starts the process and sets `pid`. Returns an errno, 0 for success. The caller must reap the process.
 int Spawn(const NewProcess& process, pid_t* pid);
 
 // Describes a status of waitpid() within a sentence: "was killed by signal 9 (SIGKILL)", "exited with code 2".
 std::string HowItEnded(int wait_status);
 
-// "SIGKILL", ...
+// The name of a signal, "SIGKILL"; "signal N" for a number without one.
 std::string SignalName(int number);
 
 }  // namespace planish

@@ -13,7 +13,7 @@ struct HostPort {
 
 bool IsUnixTarget(const std::string& target);
 
-// Nothing if `target` is neither "HOST:PORT" nor "[IPV6]:PORT".
+// The parts of "HOST:PORT" or "[IPV6]:PORT"; nullopt for any other text.
 std::optional<HostPort> ParseHostPort(const std::string& target);
 
 // Whether traffic to `target` stays on this machine: a Unix socket or a loopback address.

@@ -27,7 +27,7 @@ class ThreadTeam {
 
   int size() const { return static_cast<int>(helpers_.size()) + 1; }
 
-  // body(begin, end) for every chunk of [0, n), in any order and from any thread.
+  // Calls body(begin, end) for every chunk of [0, n), in any order and from any thread.
   template <typename Body>
   void For(std::int64_t n, std::int64_t chunk_size, const Body& body) {
     const std::int64_t chunks = (n + chunk_size - 1) / chunk_size;
@@ -44,7 +44,7 @@ class ThreadTeam {
     }
   }
 
-  // each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
+  // Calls each(i) for every i of [0, n). The indices of a chunk run in order on one thread.
   template <typename Each>
   void ForEach(std::int64_t n, const Each& each, std::int64_t chunk_size = kChunk) {
     For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {

@@ -19,10 +19,10 @@ std::string ParseTraceparent(std::string_view header);
 // The 32 digits of the trace id in a valid traceparent; "" for any other text.
 std::string_view TraceIdOf(std::string_view traceparent);
 
-// A new trace, sampled.
+// A traceparent of a new trace, which is marked as sampled.
 std::string NewTraceparent(const RandomBits& random);
 
-// The same trace with a new span id. `parent` must be valid.
+// A traceparent with the trace of `parent`, which must be valid, and a new span id.
 std::string ChildTraceparent(std::string_view parent, const RandomBits& random);
 
 }  // namespace planish

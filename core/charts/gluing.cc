@@ -127,7 +127,7 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
 
 std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
   GluedBorder border;
-  // Lists the half-edges of the border before they are glued.
+  // Lists the half-edges of the border before they are glued, since After() does not find them afterwards.
   HalfedgeHandle h = first;
   const HalfedgeHandle before = gluing->Before(h);
   for (std::int32_t i = 0; i < edges; ++i, h = gluing->After(h)) border.glued.push_back(h);

@@ -17,7 +17,8 @@
 
 namespace planish {
 
-// Half-edges have a face, here and in all functions on outlines. Links for the walks of core/mesh/half_edges.h.
+// Which edges are glued. All half-edges here, and in all functions on outlines, have a face. Gluing has the links that
+// the walks of core/mesh/half_edges.h need.
 class Gluing {
  public:
   // Initially no edge is glued. `surface` must outlive this.
@@ -51,8 +52,8 @@ class Gluing {
   void Unglue(HalfedgeHandle h) { SetGlued(h, 0); }
 
   // If outline half-edges h and After(h) are the two sides of one edge, glues them, and continues with the half-edges
-  // that are then adjacent; leaves an outline of at least three edges. Appends one half-edge of each glued pair to
-  // `glued`, unless null.
+  // that are then adjacent. Ends before the outline has fewer than three edges. Appends one half-edge of each glued
+  // pair to `glued`, unless null.
   void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued = nullptr);
 
  private:
@@ -67,10 +68,10 @@ class Gluing {
   std::vector<std::int32_t> open_edges_;  // per vertex: the number of its edges that are not glued
 };
 
-// The mesh of a chart, which is these faces (ascending) of one of the discs: face i is faces[i]. Vertices are numbered
-// in the order of their lowest corners. `slits` gets pairs of corners, ascending, that face the same edge of the
-// surface from both sides of a slit, where the chart's outline meets itself. `place`, per face of the surface, gets the
-// index of each face in the chart; entries of other faces are not used. O(n) in the faces.
+// The mesh of the chart with these faces, ascending, which are all or some faces of one disc: face i is faces[i].
+// Vertices are numbered in the order of their lowest corners. `slits` gets pairs of corners, ascending, that face the
+// same edge of the surface from both sides of a slit, where the chart's outline meets itself. `place`, per face of the
+// surface, gets the index of each face in the chart; entries of other faces are not used. O(n) in the faces.
 FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces, std::vector<std::int32_t>* place,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 
@@ -100,8 +101,8 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
 
 // The result of gluing two discs along a border.
 struct GluedBorder {
-  std::vector<HalfedgeHandle> glued;   // one of each pair
-  std::array<HalfedgeHandle, 2> ends;  // of either disc: the half-edge before the border on its outline
+  std::vector<HalfedgeHandle> glued;   // one half-edge of each glued pair
+  std::array<HalfedgeHandle, 2> ends;  // for each disc: the half-edge before the border on its outline
 
   void Undo(Gluing* gluing) const {
     for (const HalfedgeHandle h : glued) gluing->Unglue(h);
@@ -109,8 +110,8 @@ struct GluedBorder {
 };
 
 // Glues `edges` half-edges of an outline, from `first` on, to their opposites, and zips up the half-edges that are then
-// adjacent. Changes nothing, and returns nothing, if the angle at a vertex of the outline would exceed `widest`,
-// radians. Both outlines must have three or more edges beside the border.
+// adjacent. Returns nullopt, and changes nothing, if the angle at an end of the border would exceed `widest`, radians.
+// The two outlines must have three or more edges in all beside the border.
 std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing);
 
 }  // namespace planish

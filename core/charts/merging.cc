@@ -79,8 +79,8 @@ class Merging {
           },
           kDiscs);
     }
-    // With a high limit at once, discs would join the neighbours with the longest borders, whatever stretch that costs,
-    // and more discs would remain.
+    // Raises the limit step by step. With a high limit at once, discs would join the neighbours with the longest
+    // borders, whatever stretch that costs, and more discs would remain.
     const double most = max_stretch_;
     for (double above = tuning_.first_stretch; above < kNearLimit * (most - 1); above *= tuning_.stretch_growth) {
       max_stretch_ = 1 + above;
@@ -113,7 +113,7 @@ class Merging {
     for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {
       if (!discs_[d].faces.empty()) PushJoints(d, false);
     }
-    // Joints are added and removed, but finally the queue is empty.
+    // Each joint that is glued adds further joints to the queue. Merging ends when the queue is empty.
     std::int64_t looked_at = 0;
     const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
     while (!queue_.empty() && goes_on()) {
@@ -126,7 +126,8 @@ class Merging {
         }
         if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
         if (!gluing_.IsOutline(joint.first)) continue;
-        // The discs may have grown since: the joint is evaluated again, and queued again if it is worth less now.
+        // The discs may have grown since the joint was queued: scores it again, and queues it again if the score has
+        // fallen.
         const std::optional<Joint> now = JointAt(joint.first);
         if (!now) continue;
         if (now->score < joint.score || now->edges != joint.edges) {
@@ -144,7 +145,7 @@ class Merging {
     }
   }
 
-  // Length, less where the surface bends.
+  // The length of an edge, weighted less where the surface bends.
   double EdgeWeight(HalfedgeHandle h) const {
     return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
   }
@@ -161,7 +162,8 @@ class Merging {
     return walk;
   }
 
-  // The joint of discs d and `other` along this border on the outline of d; nothing if they must not be joined there.
+  // The joint of discs d and `other` along this border on the outline of d; nullopt if too short an outline would be
+  // left, or the joined disc would not be compact enough.
   std::optional<Joint> JointAlong(std::span<const HalfedgeHandle> border, std::int32_t d, std::int32_t other) const {
     const auto edges = static_cast<std::int32_t>(border.size());
     const Disc &one = discs_[d], &two = discs_[other];
@@ -183,7 +185,7 @@ class Merging {
         std::llround(score / kScoreUnit), CornerOf(mesh_, first), first, edges, d, other, one.version, two.version};
   }
 
-  // The joint along the whole border of an outline half-edge.
+  // The joint along the whole border of an outline half-edge; nullopt if there is none. Stores the border in walk_.
   std::optional<Joint> JointAt(HalfedgeHandle h) {
     walk_ = BorderThrough(gluing_, disc_of_, h);
     if (walk_.empty()) return std::nullopt;
@@ -213,7 +215,7 @@ class Merging {
     }
   }
 
-  // Whether the two could not be joined before, and have hardly grown since.
+  // Whether joining these two discs has failed, and they have hardly grown since.
   bool HasFailed(const Joint& joint) const {
     const auto it = failed_.find({std::min(joint.disc, joint.other), std::max(joint.disc, joint.other)});
     const std::size_t faces = discs_[joint.disc].faces.size() + discs_[joint.other].faces.size();
@@ -221,7 +223,7 @@ class Merging {
            static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
   }
 
-  // The vertices on a joint that are now inside of a disc.
+  // The vertices of a border that lie inside the disc now that it is glued.
   std::vector<std::int32_t> InteriorOf(const GluedBorder& border) const {
     std::vector<std::int32_t> interior;
     for (const HalfedgeHandle h : border.glued) {
@@ -234,7 +236,8 @@ class Merging {
     return interior;
   }
 
-  // Whether the sizes of the discs are too similar for StretchEstimate::Joined().
+  // Whether the discs are so similar in size that their union is estimated as a whole, not by
+  // StretchEstimate::Joined().
   bool IsWhole(const Disc& large, const Disc& small) const {
     return large.faces.size() <= static_cast<std::size_t>(tuning_.estimate_reach) * small.faces.size();
   }
@@ -306,9 +309,9 @@ class Merging {
   StretchEstimate::Work work_;
   std::vector<Disc> discs_;
   std::priority_queue<Joint> queue_;
-  std::vector<HalfedgeHandle> walk_;  // an outline, or a border
+  std::vector<HalfedgeHandle> walk_;  // the outline, or border, that was walked last
   std::unordered_set<int> near_;      // half-edges of PushJointsNear() whose joints are queued
-  // Faces of pairs of discs whose joining failed for stretch, by their numbers.
+  // Pairs of discs, lower number first, whose joint would have had too much stretch: the number of their faces then.
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
 

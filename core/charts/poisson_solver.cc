@@ -4,7 +4,7 @@
 
 namespace planish {
 
-// Products of a vector with the rows of a triangle of -A, computed in ascending or descending order.
+// Products of rows of one triangle of -A with a vector. Rows must be asked for in ascending, or in descending, order.
 class PoissonSolver::Products {
  public:
   static Products Ascending(const Triangle& triangle) { return Products(triangle, 0, 1); }

@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-constexpr double kTurnUnit = 1e-6;  // of cosines, so that rigid motion changes nothing
+constexpr double kTurnUnit = 1e-6;  // cosines are rounded to this, so that rigid motion changes nothing
 
 // Pairs are joined in ascending order.
 struct NewPair {
@@ -29,7 +29,7 @@ std::vector<std::array<std::int32_t, 2>> PairsToRejoin(const Gluing& gluing, con
     if (i >= std::ssize(chart_faces)) chart_faces.resize(i + 1, 0);
     if (i >= 0) ++chart_faces[i];
   }
-  // Compares vertices by source, since a vertex of the mesh may have several fans.
+  // Compares vertices by `source`, the caller's vertex: the import has one vertex for each fan of faces at it.
   const auto source = [&](VertexHandle v) { return mesh.data(v).source; };
   const auto may_pair = [&](std::int32_t c, std::int32_t d) {
     const HalfedgeHandle h = HalfEdgeOf(mesh, c), g = HalfEdgeOf(mesh, d);

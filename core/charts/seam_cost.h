@@ -30,7 +30,7 @@ class SeamCost {
   double OfTurn(HalfedgeHandle h, HalfedgeHandle next) const;
   // The cost of consecutive half-edges, including turns.
   double OfPath(std::span<const HalfedgeHandle> path) const;
-  // The cost of a chart without its outline.
+  // The cost of a chart without the cost of its outline.
   double OfChart(double stretch, double area) const {
     return tuning_.stretch_price * (stretch * stretch - 1) * area / area_ + tuning_.chart_price;
   }

@@ -1,4 +1,4 @@
-// Which faces make up which chart, and where charts are slit open: every chart is a disc.
+// The charts of a surface: which faces each one has, and where it is slit open. Every chart is a disc.
 #pragma once
 
 #include <cstdint>
@@ -17,23 +17,24 @@ namespace planish {
 
 class Segmentation {
  public:
-  // Charts as large as the surface lets them be (kWhole): connected pieces, slit open where they are closed or have
-  // holes or handles. Or cut so that their estimated root mean square stretch is at most `max_stretch` (kStretch).
+  // kWhole: each connected piece of the surface is a chart, slit open where it is closed or has holes or handles.
+  // kStretch: charts end where their estimated root mean square stretch would exceed `max_stretch`.
   enum class Kind { kWhole, kStretch };
 
-  // `surface` must outlive this. After a stop request kStretch ends with more and smaller charts. Of no use after a
-  // cancellation.
+  // `surface` must outlive this. After a stop request kStretch ends with more and smaller charts. After a cancellation
+  // the result is incomplete and must not be used.
   Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution,
                const AtlasTuning& tuning = {});
 
-  // Goes on from other charts of the same faces (kStretch), whose surface Rejoin() has made `surface` of: what was
-  // glued is glued, and charts are merged across new pairs of half-edges.
+  // Continues from the charts `before` of the same faces (kStretch). Rejoin() has made `surface` from their surface.
+  // Glued edges stay glued, and charts are merged across the new pairs of half-edges.
   Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
 
-  // The charts of `half`, which leaves out the second side of `mirror`, and their mirror images. `surface` has the same
-  // faces. Chart n + i, of n, is the image of chart i, and empty where that lies across the plane. Further charts are
-  // what lies apart from these images. `half` must have `mirror.polygon`, and no chart of faces from the first side and
-  // from across the plane.
+  // The charts of `half`, from which the second side of `mirror` takes no part, and their mirror images. `surface` has
+  // all faces. If `half` has n charts, chart n + i is the image of chart i, empty if chart i lies across the plane.
+  // Faces of the second side without an image, and pieces of charts that are not connected, become further charts.
+  // `half` must have the polygons `mirror.polygon`, and no chart with faces both from the first side and from across
+  // the plane.
   static Segmentation Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
   const Gluing& gluing() const { return gluing_; }
@@ -41,8 +42,8 @@ class Segmentation {
   const std::vector<std::int32_t>& chart() const { return chart_; }
   // Faces of each chart, ascending.
   const std::vector<std::vector<std::int32_t>>& charts() const { return faces_; }
-  // Per vertex of the surface's mesh: where estimates of the stretch of charts may start (StretchEstimate). Empty for
-  // kWhole.
+  // Per vertex of the surface's mesh: the u from which estimates of the stretch of charts may start (StretchEstimate).
+  // Empty for kWhole.
   const std::vector<float>& kept() const { return kept_; }
 
   // Whether part of a chart's outline is a slit: the same edge from both sides.
@@ -50,14 +51,14 @@ class Segmentation {
 
   struct Cut {
     std::int32_t chart;
-    // Two of its faces that must come apart; -1: any, the farther apart the better.
+    // Two faces of the chart that must end up in different parts; -1: two faces that are far apart.
     std::int32_t face = -1, other_face = -1;
-    // Per face of the chart, in the order of charts(): the part it goes to, from 0 on, each of them connected. Empty:
-    // two parts, cut halfway between the two faces.
+    // Per face of the chart, in the order of charts(): the number of its part, from 0 on. Every part must be connected.
+    // Empty: two parts, cut halfway between the two faces.
     std::vector<std::int32_t> part = {};
   };
-  // Cuts each of these charts in parts. One part keeps its number, the others get new ones; all of those numbers are
-  // returned, ascending. Charts of one face, or polygon, stay.
+  // Cuts each of these charts in parts. One part keeps the chart's number, the others get new ones. Returns the numbers
+  // of all parts, ascending. Charts of one face, or of one polygon, are not cut.
   std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
 
   // Two charts and one of their borders (gluing.h): half-edges of `chart`, in the order of its outline.
@@ -67,30 +68,31 @@ class Segmentation {
   };
   // The outline of a chart, from FirstOnOutline() (gluing.h) on; empty if it has no faces.
   std::vector<HalfedgeHandle> Outline(std::int32_t chart) const;
-  // All joints at which two charts could become one disc, by `chart`, which is the lower number of the two. `outlines`:
-  // Outline() of each.
+  // All joints at which two charts could become one disc, sorted by `chart`, the lower number of the two. `outlines`:
+  // Outline() of every chart.
   std::vector<Joint> Joints(std::vector<std::vector<HalfedgeHandle>> outlines) const;
 
-  // What Join() has done.
+  // The result of Join(), from which UndoJoin() restores both charts.
   struct Joined {
     std::int32_t chart, other;
     GluedBorder border;
-    std::vector<std::int32_t> faces, other_faces;  // before
+    std::vector<std::int32_t> faces, other_faces;  // of the two charts before
   };
-  // Makes one chart of two, which keeps the number `chart`; `other` is empty then. Nothing if a vertex of the outline
-  // would open wider than AtlasTuning::widest. The joint is one of Joints(), and the two charts have not changed since.
+  // Joins two charts into one with the number `chart`; `other` is then empty. Returns nullopt, and changes nothing, if
+  // a vertex of the outline would open wider than AtlasTuning::widest. The joint must come from Joints(), and the two
+  // charts must not have changed since.
   std::optional<Joined> Join(const Joint& joint);
-  // The last Join() of these two charts.
+  // Undoes the last Join() of these two charts.
   void UndoJoin(const Joined& joined);
   // Moves the border of two charts, or a slit of one (`chart` twice): half-edges `from` are glued, `to` become seams.
-  // Nothing happens, and it returns false, unless that leaves as many discs, none of whose outlines opens wider than
-  // AtlasTuning::widest where they have changed. With `from` and `to` exchanged it puts everything back.
+  // Returns false, and changes nothing, if that would not leave as many discs, or if an outline would open wider than
+  // AtlasTuning::widest where it changes. A second call with `from` and `to` exchanged undoes the move.
   bool MoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
                 std::span<const HalfedgeHandle> to);
-  // Closes the gaps in the numbers that empty charts leave. The order stays.
+  // Removes empty charts and renumbers the others in the same order.
   void DropEmpty();
 
-  // A distance, and the number of what it is measured from.
+  // A distance, and the index of the source from which it is measured.
   using Nearness = std::pair<double, std::int32_t>;
 
  private:
@@ -111,8 +113,8 @@ class Segmentation {
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
   std::vector<float> kept_;
-  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
-  // Per face; is_seen: per half-edge.
+  // Arrays that Split() and others keep between calls, so that a call takes no time for faces that it does not change.
+  // Empty before the first call. Per face; is_seen: per half-edge.
   struct {
     std::vector<Nearness> nearness;
     std::vector<std::int32_t> moving;

@@ -22,7 +22,8 @@ HalfedgeHandle OnlyGlued(const Gluing& gluing, std::int32_t f) {
   return only;
 }
 
-// Moves a face to the disc across, if that shortens the seam. Returns whether it did.
+// Moves a face with two edges on the outline to the disc across them, if that makes the seam cheaper. Returns whether
+// it has moved the face.
 bool Move(std::int32_t f, const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart) {
   constexpr double kGain = 1e-6;
   const Surface& surface = gluing->surface();
@@ -50,7 +51,7 @@ bool Move(std::int32_t f, const AtlasTuning& tuning, Gluing* gluing, std::vector
     return false;
   }
   (*chart)[f] = (*chart)[to];
-  // At the end of a slit its two sides may have met.
+  // If the face was at the end of a slit, the two sides of the slit may have met.
   if ((*chart)[neighbour] == (*chart)[f]) {
     gluing->Zip(glued);
     if (gluing->IsOutline(previous)) gluing->Zip(previous);

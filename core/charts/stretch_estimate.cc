@@ -14,7 +14,7 @@ namespace {
 double AsKept(double u) {
   return static_cast<double>(static_cast<float>(u));
 }
-// Of areas where lengths are multiplied by e^u.
+// The factor by which areas grow where lengths are multiplied by e^u.
 double ScaleOf(double u) {
   return u == 0 ? 1.0 : portable::Exp(2 * u);
 }
@@ -61,7 +61,7 @@ StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning
       vertices_[v].diagonal += weight_[e.idx()];
     }
   }
-  // Ends first: they become beginnings as neighbours are put in their places.
+  // Sets `begin` to the end of each vertex's neighbours; the loop below counts it down to their beginning.
   for (std::size_t v = 1; v < vertices_.size(); ++v) vertices_[v].begin += vertices_[v - 1].begin;
   neighbours_.resize(2 * mesh.n_edges());
   for (const EdgeHandle e : mesh.edges()) {
@@ -174,8 +174,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
   return SolveFor(before, /*from_kept=*/true, work);
 }
 
-// Where u = 0 lengths are kept; the turn at a vertex of the outline is what the faces leave of pi, and the flux of u.
-// All turns add up to 2 pi (boundary first flattening, Sawhney and Crane 2017).
+// Edges keep their lengths, since u = 0 on the outline. At a vertex the outline turns by pi, minus the angles of the
+// faces there, minus the flux of u. All turns add up to 2 pi (boundary first flattening, Sawhney and Crane 2017).
 std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outline) const {
   const Surface& surface = gluing_.surface();
   std::vector<Vec2> points;

@@ -1,4 +1,4 @@
-// How much a disc would have to be stretched to lie in the plane, without flattening it.
+// Estimates how much a disc must be stretched to lie in the plane, without flattening it.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,9 @@ namespace planish {
 
 // A conformal map of a disc into the plane multiplies lengths by e^u, where u solves the discrete Poisson equation
 // L u = -K (L: cotangent Laplacian, K: angle defects of interior vertices; Springborn et al. 2008, Sawhney and Crane
-// 2017). Among all of them the one with u = 0 on the outline stretches least (its Dirichlet energy is orthogonal to
-// harmonic functions), and ABF with a free boundary comes near it. One linear solve, to a few per cent.
+// 2017). Among all conformal maps the one with u = 0 on the outline stretches least (this u is orthogonal to harmonic
+// functions in the Dirichlet energy), and ABF with a free boundary comes near it. An estimate takes one linear solve
+// and is right to a few per cent.
 //
 // L and K of a vertex are the same in every disc that it lies inside of, so they are computed once. Keeps the u of
 // every vertex between estimates, to start the next one from.
@@ -47,12 +48,11 @@ class StretchEstimate {
   struct Sums {
     double area = 0, larger = 0, smaller = 0;
 
-    // Root mean square stretch (Quality::stretch_l2) at the best scale; at least 1. Infinity if it leaves the range of
-    // numbers.
+    // Root mean square stretch (Quality::stretch_l2) at the best scale; at least 1. Infinity if the sums overflow.
     double Stretch() const;
   };
 
-  // Vertices, in some parts.
+  // Lists of vertices that are used as one.
   using Parts = std::initializer_list<std::span<const std::int32_t>>;
 
   // The vertices inside of the disc of these faces. O(n).
@@ -84,13 +84,13 @@ class StretchEstimate {
 
   // The u that is kept of a vertex; of no use outside of discs.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
-  // Per vertex: the u that is kept. Nothing may be estimated afterwards.
+  // The kept u of all vertices. Nothing may be estimated afterwards.
   std::vector<float> TakeKept() { return std::move(kept_); }
 
  private:
   struct Vertex {
-    double load = 0, diagonal = 0, area = 0;  // -K, the entry of L, a third of its faces
-    std::int32_t begin = 0;                   // of its neighbours
+    double load = 0, diagonal = 0, area = 0;  // -K, the diagonal entry of L, a third of the area of its faces
+    std::int32_t begin = 0;                   // where its neighbours begin in neighbours_
   };
   struct Neighbour {
     std::int32_t vertex, edge;
@@ -105,7 +105,7 @@ class StretchEstimate {
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
   std::vector<double> weight_;    // per edge: minus the entry of L for its two vertices
-  std::vector<Vertex> vertices_;  // and one more
+  std::vector<Vertex> vertices_;  // and one more, for `begin`
   std::vector<Neighbour> neighbours_;
   std::vector<std::int32_t> number_;  // per vertex: among those being solved for, -1 for all others
   std::vector<float> kept_;           // per vertex

@@ -48,8 +48,8 @@ absl::Status CheckSeamsAgainstPolygons(const GivenSeams& seams, const std::vecto
   return absl::OkStatus();
 }
 
-// Separates half-edges at given seams and where two faces may not be neighbours. Stores edges of more than two faces
-// for Rejoin(), without half-edges at given seams.
+// Separates half-edges at given seams and where two faces may not be neighbours. Moves the edges of more than two faces
+// to `crowded_edges`, without half-edges at given seams.
 void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
          std::vector<std::vector<std::int32_t>>* crowded_edges) {
   std::vector<std::int32_t>& opposite = pairing->opposite;
@@ -83,7 +83,7 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
 
 }  // namespace
 
-// If a face has no area, the normals of two neighbours may differ by more than the angle of a hard edge.
+// No edge of a face without area is a hard edge, whatever the normals of its two faces.
 bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
   if (!kind.empty() && kind[f] != kind[g]) return false;
   if (!part.empty() && part[f] != part[g]) return false;

@@ -1,4 +1,4 @@
-// A mesh as input of charts: which faces take part, which are neighbours, and their sizes.
+// The surface that is cut into charts: its faces, their sizes, and which of them are neighbours.
 #pragma once
 
 #include <array>
@@ -46,7 +46,7 @@ struct Surface {
   // Edges of more than two faces: their half-edges, by corner, that no given seam separates. Any two of opposite
   // directions may be joined (MayJoin(), Rejoin()).
   std::vector<std::vector<std::int32_t>> crowded_edges;
-  double hard_cosine = -2;         // of GivenSeams::hard_edge_degrees; -2: no edge is hard
+  double hard_cosine = -2;         // cosine of GivenSeams::hard_edge_degrees; -2: no edge is hard
   std::vector<char> kind;          // GivenSeams::kind
   std::vector<std::int32_t> part;  // GivenSeams::part
 
@@ -58,7 +58,7 @@ struct Surface {
   std::int32_t face_across(HalfedgeHandle h) const {
     return mesh->face_handle(mesh->opposite_halfedge_handle(h)).idx();
   }
-  // Whether a half-edge must be glued to its opposite.
+  // Whether a half-edge is inside a polygon or given as uncut, so that it must be glued to its opposite.
   bool is_uncut(HalfedgeHandle h) const { return mesh->data(mesh->edge_handle(h)).is_uncut; }
   // Cosine of the angle between the normals of the two faces at an inner edge; 1 if one of them has no area.
   double bend_cosine(HalfedgeHandle h) const { return bend_cosine(mesh->face_handle(h).idx(), face_across(h)); }
@@ -73,12 +73,13 @@ struct Surface {
   }
 };
 
-// Copies of a face form separate layers (Pairing::layer). INVALID_ARGUMENT: Diagnosis::Refusal()
-// (core/mesh/diagnosis.h); OPTIONS_INVALID for a given seam that is a diagonal. CANCELLED after a cancellation. O(F).
+// Makes the surface of a mesh. Copies of a face form separate layers (Pairing::layer). INVALID_ARGUMENT:
+// Diagnosis::Refusal() (core/mesh/diagnosis.h); OPTIONS_INVALID for a given seam that is a diagonal. CANCELLED after a
+// cancellation. O(F).
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
 
-// The same faces with other neighbours: joins each of these pairs of half-edges, given by corner; former neighbours of
-// these half-edges become unjoined. Both half-edges of a pair must be on one edge, in opposite directions. `mesh` is
+// Returns `surface` with other neighbours: joins each of these pairs of half-edges, given by corner; former neighbours
+// of these half-edges become unjoined. Both half-edges of a pair must be on one edge, in opposite directions. `mesh` is
 // the argument of MakeSurface(). O(F).
 Surface Rejoin(const Mesh& mesh, const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs);
 

@@ -11,7 +11,7 @@ namespace planish {
 namespace {
 
 constexpr std::string_view kDracoMagic = "DRACO";
-// Metadata and entries that are skipped. If there are more, the counts are unknown.
+// The most metadata and entries that are skipped. If there are more, the counts are unknown.
 constexpr int kMostMetadata = 100'000;
 constexpr std::uint16_t kOldestWithMetadata = DRACO_BITSTREAM_VERSION(1, 3);
 // From these versions on, numbers have variable length.
@@ -39,7 +39,7 @@ bool SkipMetadata(draco::DecoderBuffer* buffer) {
   if (!draco::DecodeVarint(&attributes, buffer)) return false;
   for (std::uint64_t tree = 0; tree <= attributes; ++tree) {
     if (tree < attributes && !draco::DecodeVarint(&attribute, buffer)) return false;
-    std::uint64_t left = 1;  // metadata of the tree not skipped yet
+    std::uint64_t left = 1;  // number of metadata of this tree that are not skipped yet
     for (bool has_name = false; left > 0; --left, has_name = true) {
       std::uint32_t entries = 0, size = 0, within = 0;
       if (++skipped > kMostMetadata || (has_name && !SkipName(buffer))) return false;

@@ -12,7 +12,7 @@ namespace planish {
 enum class DracoGeometry { kPointCloud, kMesh, kUnknown };
 enum class DracoMethod { kSequential, kKdTree, kEdgebreaker, kUnknown };
 
-// As declared. Decoding may give less, and with damaged bytes more.
+// The counts that the file declares. The decoded mesh may have fewer faces and vertices, or with damaged bytes more.
 struct DracoCounts {
   DracoGeometry geometry = DracoGeometry::kUnknown;
   DracoMethod method = DracoMethod::kUnknown;

@@ -94,8 +94,8 @@ void SetFaces(const std::vector<Face>& faces, draco::Mesh* mesh) {
 absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,
                                           draco::ExpertEncoder* encoder) {
   encoder->SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
-  // Entropy-coded differences of indices are up to a third smaller in all, as fast, and keep the order. But the decoder
-  // refuses data of less than 3 bytes a face, so the values of the points must be large enough.
+  // Entropy-coded differences of indices make the data up to a third smaller, take no more time, and keep the order.
+  // But the decoder refuses data of less than 3 bytes a face, so the values of the points must take at least that.
   encoder->options().SetGlobalBool("compress_connectivity",
                                    point_bytes * std::int64_t{mesh.num_points()} >= 3 * std::int64_t{mesh.num_faces()});
   draco::EncoderBuffer buffer;

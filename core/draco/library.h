@@ -18,7 +18,7 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with `reason`.
+// An INVALID_ARGUMENT error with this reason, message and metadata.
 absl::Status InvalidDraco(const std::string& reason, const std::string& message,
                           const std::map<std::string, std::string>& metadata = {});
 
@@ -44,7 +44,7 @@ absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_
 // MESH_INDEX_OUT_OF_RANGE.
 absl::Status CheckFaces(const std::vector<Face>& faces, std::int64_t count);
 
-// Gives `mesh` these faces.
+// Replaces the faces of `mesh` by `faces`.
 void SetFaces(const std::vector<Face>& faces, draco::Mesh* mesh);
 
 // Encodes faces and points in their order. `point_bytes` is the size of all values of a point that are not quantized.

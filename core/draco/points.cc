@@ -95,8 +95,8 @@ absl::StatusOr<DracoPoints> CheckAndDecode(const std::string& bytes, bool want_q
   return points;
 }
 
-// As text with all digits: SetAttributeExplicitQuantization keeps only six decimals of its floats, which would change
-// the values.
+// The quantization as options of the encoder. Floats are text with all digits: SetAttributeExplicitQuantization would
+// keep only six decimals, which would change the values.
 draco::Options QuantizationOptions(const DracoAttribute& attribute) {
   draco::Options options;
   options.SetInt("quantization_bits", attribute.quantization_bits);

@@ -11,14 +11,14 @@
 
 namespace planish {
 
-// With the numbers of draco::GeometryAttribute::Type.
+// Kinds of attributes, numbered like draco::GeometryAttribute::Type.
 enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {
   DracoKind kind = DracoKind::kGeneric;
-  std::uint32_t unique_id = 0;  // not unique in files of Draco before 1.0; the attribute's number there
+  std::uint32_t unique_id = 0;  // the attribute's index if the file's ids are not unique (Draco before 1.0)
   int component = 0;            // Draco's number of the type; callers may set only kDracoFloat32
-  int components = 0;           // of a value
+  int components = 0;           // numbers per value
   bool normalized = false;
   std::int64_t value_size = 0;  // bytes
   std::string values;           // value_size bytes per point

@@ -30,7 +30,7 @@ inline Float4 Terms(const Float4& a, const Float2& x) {
 inline Float2 RowSums(const Float4& terms) {
   return __builtin_shufflevector(terms, terms, 0, 2) + __builtin_shufflevector(terms, terms, 1, 3);
 }
-// a b.
+// The matrix product a b.
 inline Float4 Product(const Float4& a, const Float4& b) {
   return __builtin_shufflevector(a, a, 0, 0, 2, 2) * __builtin_shufflevector(b, b, 0, 1, 0, 1) +
          __builtin_shufflevector(a, a, 1, 1, 3, 3) * __builtin_shufflevector(b, b, 2, 3, 2, 3);

@@ -34,7 +34,7 @@ Eigen::Matrix<double, N, 1> Damping(const LevelMatrix<N>& a, Index i, const Eige
       for (int p = 0; p < N; ++p) sums[p] += std::abs(number(block, p, q)) * std::sqrt(own(p, p) * scale);
     }
   }
-  // A lower bound of a 2x2 block, relative to its diagonal; not used for 4x4 blocks.
+  // A lower bound of the eigenvalues of a 2x2 block relative to its diagonal; 0, which uses none of it, for 4x4 blocks.
   const double least = N == 2 ? 1 - std::abs(own(0, 1)) / std::sqrt(own(0, 0) * own(1, 1)) : 0;
   return 0.5 * (sums - undamped_part * least * own.diagonal()).cwiseMax(0.0);
 }

@@ -35,7 +35,7 @@ struct RoughTolerance {
   double residual_sum = std::numeric_limits<double>::infinity();
 };
 
-// Options of one call.
+// Options of one linear solve.
 struct LinearSolveOptions {
   // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; MINRES takes the norm of
   // the preconditioner while it iterates). In (0, 1).

@@ -41,19 +41,19 @@
 
 namespace planish {
 
-// Not thread-safe.
+// The levels, and the V-cycle as a preconditioner. Not thread-safe.
 class Multigrid {
  public:
   explicit Multigrid(const MultigridTuning& tuning = {}) : tuning_(tuning) {}
 
-  // Builds aggregates and numbers for `matrix` and the positions z of its rows, known up to a similarity; if all z are
-  // zero, the coarse spaces hold only the constants. Rows from `num_coupled` on (boundary control) have no second
-  // unknown and are left out of aggregates. O(blocks). `team` must outlive this. FAILED_PRECONDITION: a diagonal block
-  // or the coarsest matrix is not positive definite, or coarsening ends too early (MultigridTuning::max_dense_rows).
-  // CANCELLED: interrupted.
+  // Builds aggregates and the matrices of all levels for `matrix` and the positions z of its rows, known up to a
+  // similarity; if all z are zero, the coarse spaces hold only the constants. Rows from `num_coupled` on (boundary
+  // control) have no second unknown and are left out of aggregates. O(blocks). `team` must outlive this.
+  // FAILED_PRECONDITION: a diagonal block or the coarsest matrix is not positive definite, or coarsening ends too early
+  // (MultigridTuning::max_dense_rows). CANCELLED: interrupted.
   absl::Status Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                      std::int32_t num_coupled, ThreadTeam& team = Alone(), const Interrupter* interrupter = nullptr);
-  // Recomputes the numbers for the aggregates of the last Build(); the pattern must be the same.
+  // Recomputes the entries of all matrices for the aggregates of the last Build(); `matrix` must have the same pattern.
   absl::Status Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                        const Interrupter* interrupter = nullptr);
 
@@ -66,12 +66,12 @@ class Multigrid {
 
  private:
   absl::Status InvertCoarsest();
-  // On the vectors of the finest level.
+  // One V-cycle: computes x of the finest level from its b.
   void Cycle() const;
 
   const MultigridTuning tuning_;
   ThreadTeam* team_ = nullptr;
-  // Apply() uses their vectors.
+  // Mutable, since Apply() writes the vectors of the levels.
   mutable MultigridLevel<2> finest_;
   mutable std::vector<MultigridLevel<4>> coarse_;
   Eigen::MatrixXf inverse_;  // of the coarsest matrix

@@ -10,7 +10,7 @@ namespace {
 
 using Index = std::int32_t;
 
-// Of the leading 2x2 part.
+// The squared Frobenius norm of the leading 2x2 part.
 float SquaredNorm(const float* block) {
   return block[0] * block[0] + block[1] * block[1] + block[2] * block[2] + block[3] * block[3];
 }

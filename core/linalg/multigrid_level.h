@@ -79,7 +79,7 @@ struct MultigridLevel {
   LevelMatrix<N> a;
   LevelCoordinates coordinates;
   Prolongation prolongation;
-  // For the cycle: the right-hand side, the solution, and the solution before a sweep. N floats a row.
+  // Vectors of the cycle: the right-hand side, the solution, and the solution before a sweep. N floats a row.
   std::vector<float> b, x, old;
 
   std::int32_t num_rows() const { return a.num_rows(); }

@@ -85,7 +85,7 @@ absl::Status SparseCholesky::Factor::FactorizeNumbers(const BlockMatrix<double>&
   inverse.resize(3 * static_cast<std::size_t>(n));
   std::vector<std::int64_t> end(begin.begin(), begin.end() - 1);  // end of the filled part of each column
   std::vector<std::int32_t> mark(n, -1), pattern(n);
-  std::vector<double> y(4 * static_cast<std::size_t>(n), 0.0);  // block i: (L_i:, ...)^-1 applied to S_ik, by rows
+  std::vector<double> y(4 * static_cast<std::size_t>(n), 0.0);  // block i: what is left of S_ik in the substitution
   for (std::int32_t k = 0; k < n; ++k) {
     // Row k of L is the solution Z of L Z = (column k of S), transposed.
     const std::int32_t top = RowPattern(matrix, k, &mark, &pattern);

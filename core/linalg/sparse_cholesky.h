@@ -15,7 +15,7 @@
 
 namespace planish {
 
-// Not thread-safe; independent objects may be used on different threads.
+// The factorization of one matrix. Not thread-safe; independent objects may be used on different threads.
 class SparseCholesky {
  public:
   // Limits the size of the factor, in bytes; no limit by default.
@@ -27,7 +27,7 @@ class SparseCholesky {
   // numbers), or memory ran out; the factorization is then empty.
   absl::Status Factorize(const BlockMatrix<double>& matrix);
 
-  // x = S^-1 b for the matrix S factorized last, which must have succeeded.
+  // Solves S x = b for the matrix S of the last Factorize(), which must have succeeded.
   void Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const;
 
   // The size of L, in bytes; 0 before the first factorization.

@@ -16,8 +16,8 @@ struct LinearTuning {
   // residual that a solver carries along drifts from the true one by rounding (Greenbaum 1997, "Estimating the
   // attainable accuracy of recursively computed residual methods"). Smaller: good solves are called failures.
   double residual_slack = 100;
-  // The same for the largest entry of the residual of a rough solve, which ends after few iterations, far above
-  // rounding errors.
+  // Like residual_slack, but for the largest entry of the residual of a rough solve. Such a solve ends after few
+  // iterations, far above rounding errors.
   double rough_slack = 2;
   // Relative difference between the decrease of the energy that Uzawa claims and the true one, above which a rough
   // solve counts as stagnated.
@@ -27,8 +27,8 @@ struct LinearTuning {
   // Relative tolerance below which a solve with a matrix rounded to float (rounding unit 6e-8) is refined with the
   // exact one. With larger tolerances the rounding does not matter.
   double refined_tolerance = 1e-5;
-  // Such a solve is refined until the true residual is at most this many times the tolerance, at most `max_refinements`
-  // times (iterative refinement: Higham 2002, chapter 12).
+  // A solve with a rounded matrix is refined until the true residual is at most this many times the tolerance, at most
+  // `max_refinements` times (iterative refinement: Higham 2002, chapter 12).
   double refined_slack = 2;
   std::int64_t max_refinements = 10;
   // Corrections by the direct solver before it gives up; the first is the solve itself.
@@ -63,14 +63,15 @@ struct MultigridTuning {
   // finest level, since the dense matrix would take more memory than all other levels.
   std::int64_t max_dense_rows = 500;
   // omega times the largest eigenvalue of D^-1 A: the damping of the prolongation's smoother that is best for all
-  // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: half of it costs half as many iterations again
-  // on easy discs, double of it twice as many.
+  // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: on easy discs half of it takes 1.5 times as many
+  // iterations, double of it twice as many.
   double omega = 4.0 / 3;
   // Rows with more couplings than this are not smoothed in the prolongation: such a row would connect the aggregates of
   // all its neighbours with each other, which gives n^2 blocks in the coarse matrix where n triangles meet at a vertex.
   // A regular mesh has 7 couplings a row, and about 20 on coarse levels.
   std::int64_t most_smoothed_couplings = 100;
-  // Factor on the estimate of that eigenvalue, which is too low, and the number of power iterations for it.
+  // The largest eigenvalue of D^-1 A is estimated by power iterations, which give too low a value: a factor on that
+  // value, and the number of iterations.
   double eigenvalue_margin = 1.05;
   std::int64_t power_iterations = 8;
   // Part of the diagonal block's own positivity that the couplings between chunks may use up before rows are damped

@@ -32,8 +32,8 @@ bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
 namespace {
 
 void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
-  constexpr double kLonger = 1e-3;  // of the longest edge
-  double length[3];                 // of the edge that each corner faces
+  constexpr double kLonger = 1e-3;  // in lengths of the longest edge
+  double length[3];                 // per corner: of the edge that it faces
   for (int k = 0; k < 3; ++k) length[k] = (p[Prev(k)] - p[Next(k)]).norm();
   const double longest = std::max({length[0], length[1], length[2]});
   for (double& l : length) l += kLonger * longest;

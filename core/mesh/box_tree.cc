@@ -14,7 +14,7 @@ std::uint64_t Spread(std::uint64_t x) {
   return (x | x << 1) & 0x5555555555555555;
 }
 
-// Half of the centre, which cannot overflow.
+// Half of the centre of a box, since the centre itself may overflow.
 Vec2 HalfCentre(const Box& box) {
   return box.low / 4 + box.high / 4;
 }

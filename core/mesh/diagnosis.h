@@ -57,7 +57,8 @@ struct Diagnosis {
   ElementList faces_repeating_a_vertex;  // name the same vertex twice
   ElementList faces_not_finite;          // have a corner at NaN or infinity
   ElementList faces_without_area;        // IsDegenerateTriangle (core/mesh/angles.h), on three different vertices
-  // The same three vertices as an earlier face, in any order. Counts every face in range, whatever other faults it has.
+  // Faces with the same three vertices as an earlier face, in any order. Faces in range count, whatever other faults
+  // they have.
   ElementList duplicate_faces;
   ElementList vertices_not_finite;  // used by a face, with NaN or infinity in their position
   ElementList isolated_vertices;    // used by no face; out-of-range faces do not count
@@ -114,8 +115,9 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const FlatImport& imported,
                          const Execution& execution = {});
 
-// Accepts any mesh. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED after a
-// cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
+// Describes a mesh and all of its faults. Accepts any mesh. O(F + V log V) for bounded valence. The same result for any
+// number of threads. CANCELLED after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces
+// or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
 
 // OK if `mesh` is a disc: manifold, consistently oriented, connected, with one boundary loop, no handles and no face

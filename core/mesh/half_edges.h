@@ -1,9 +1,9 @@
 // Half-edges: their numbers in flat arrays, which of them share an edge, and how to walk between them: round a vertex,
 // along the boundary, from face to face.
 //
-// Core has no other such walks. They accept any `links`: FlatLinks below for flat arrays, Gluing (core/charts/gluing.h)
-// for the charts of a surface. Next() and Prev() go round a face. Across() leads to the neighbouring face's half-edge
-// on the same edge, or to an invalid half-edge on the boundary.
+// Core has no other such walks. These accept any `links`: FlatLinks below for flat arrays, Gluing
+// (core/charts/gluing.h) for the charts of a surface. Next() and Prev() go round a face. Across() leads to the
+// neighbouring face's half-edge on the same edge, or to an invalid half-edge on the boundary.
 #pragma once
 
 #include <cstdint>
@@ -129,7 +129,7 @@ class UnionFind {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
-  // Returns whether they were in different sets.
+  // Joins the sets of i and j. Returns whether they were different sets.
   bool Join(std::int32_t i, std::int32_t j) {
     i = Find(i), j = Find(j);
     parent_[i < j ? j : i] = i < j ? i : j;
@@ -165,7 +165,7 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
-// The same with all faces taking part.
+// ConnectedPieces() of all faces.
 template <typename Neighbour>
 std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const Neighbour& neighbour) {
   const auto all = [](std::int32_t) { return true; };
@@ -188,8 +188,9 @@ inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32
 // The half-edges of each undirected edge, ascending. Edges ascend by their lower, then by their higher vertex.
 using EdgeGroups = Groups;
 
-// O(F) for bounded valence. Vertices must be in [0, num_vertices). Faces whose `takes_part` is 0 are left out (empty:
-// all take part). Half-edges from a vertex to itself form a group, too. No groups after a cancellation.
+// Groups the half-edges of these faces by edge. O(F) for bounded valence. Vertices must be in [0, num_vertices). Faces
+// whose `takes_part` is 0 are left out (empty: all take part). Half-edges from a vertex to itself form a group, too. No
+// groups after a cancellation.
 EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {},
                           const std::vector<char>& takes_part = {});
 

@@ -17,8 +17,8 @@
 
 namespace planish {
 
-// At an edge of more faces than this, no faces are joined. Bounds the work, which grows with the square of their
-// number.
+// At an edge of more faces than this, no faces are joined. Bounds the work, which grows with the square of the
+// number of faces at the edge.
 inline constexpr std::size_t kMostFacesAtAnEdge = 64;
 
 // The kind of a face: the first of these that applies.
@@ -51,14 +51,14 @@ struct Pairing {
   // them in the same direction. Ascending by the vertices of the edges.
   std::vector<std::vector<std::int32_t>> non_manifold;
   std::vector<std::array<std::int32_t, 2>> inconsistent;
-  // In layer 0: all edges, and edges with one face.
+  // Counts in layer 0: of all edges, and of edges with one face.
   std::int64_t edges = 0, boundary_edges = 0;
 
   bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }
 };
 
-// Accepts any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a cancellation the result is incomplete
-// and must not be used.
+// Decides which half-edges are joined. Accepts any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a
+// cancellation the result is incomplete and must not be used.
 //
 // `polygon`: per face the number of the polygon that it is a triangle of; empty if every face is a polygon. A diagonal
 // is an edge between two triangles of one polygon that run along it in opposite directions. These two are always
@@ -70,7 +70,8 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 // their sources in `mesh`; vertices without a face are left out. O(F).
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
 
-// The same in flat arrays, for uses without circulators: takes less memory, and no time for linking.
+// ImportFlat() is ImportMesh() into flat arrays, for uses without circulators: it takes less memory, and no time for
+// linking.
 struct FlatImport {
   FlatMesh mesh;
   std::vector<std::int32_t> source;  // per vertex, ascending: its vertex in the Mesh

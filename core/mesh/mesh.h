@@ -1,4 +1,4 @@
-// Indexed triangle mesh: positions and faces, no derived data.
+// An indexed triangle mesh: positions and faces, without derived data.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,8 @@ std::array<Point, 3> TriangleOf(const std::vector<Point>& positions, const Face&
   return {positions[face[0]], positions[face[1]], positions[face[2]]};
 }
 
-// Arrays with a value for each corner (angles, UV) have that of corner k of face f at 3 f + k.
+// The corners after and before corner k of a face. Arrays with a value for each corner (angles, UV) have the value of
+// corner k of face f at 3 f + k.
 constexpr int Next(int k) {
   return k == 2 ? 0 : k + 1;
 }

@@ -61,7 +61,7 @@ bool HasExactProducts(double x) {
   return size == 0 || (size >= std::ldexp(1.0, kLeastExponent) && size < std::ldexp(1.0, kMostExponent));
 }
 
-// For points whose coordinates have exact products.
+// Orientation() of points whose coordinates have exact products (HasExactProducts()).
 int SignByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   Expansion determinant;
   determinant.AddProduct(a.x(), b.y());
@@ -76,7 +76,7 @@ int SignByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
 }  // namespace
 
 int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
-  // Common, since triangles share corners.
+  // Equal points are common, since triangles share corners.
   if (a == b || b == c || c == a) return 0;
   const auto is_exact = [](const Vec2& p) { return HasExactProducts(p.x()) && HasExactProducts(p.y()); };
   if (is_exact(a) && is_exact(b) && is_exact(c)) return SignByExpansion(a, b, c);
@@ -94,7 +94,7 @@ bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {
 }
 
 int VerticalOrder(const Vec2 s[3], const Vec2 t[3]) {
-  // A triangle lies above its edges that run to the right.
+  // A counter-clockwise triangle lies above those of its edges that run to the right.
   if (const int k = SeparatingEdge(s, t); k >= 0) return SweepsFirst(s[k], s[Next(k)]) ? 1 : -1;
   if (const int k = SeparatingEdge(t, s); k >= 0) return SweepsFirst(t[k], t[Next(k)]) ? -1 : 1;
   return 0;

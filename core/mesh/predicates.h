@@ -46,9 +46,9 @@ int VerticalOrder(const Vec2 s[3], const Vec2 t[3]);
 // Whether the segments ab and cd share a point, ends included. Exact.
 bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
 
-// From `p` to the nearest point of segment ab. Rounded.
+// The squared distance from `p` to the nearest point of segment ab. Rounded.
 double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b);
-// Between the segments ab and cd. Exactly 0 if they intersect; otherwise rounded.
+// The squared distance between the segments ab and cd. Exactly 0 if they intersect; otherwise rounded.
 double SquaredDistance(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
 
 }  // namespace planish

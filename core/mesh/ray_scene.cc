@@ -42,7 +42,7 @@ RayScene::Hit RayScene::Nearest(const Vec3& place, const Vec3& direction, double
   using rays::Dot;
   using rays::operator-;
   Hit best;
-  const double length = direction.norm(), scale = 2 * half;  // of the scene's unit
+  const double length = direction.norm(), scale = 2 * half;  // the length of the scene's unit
   if (!(length > 0)) return best;
   const Vec3 along = direction / length;
   const rays::Point origin = PointAt(place - reach * along);

@@ -30,7 +30,7 @@ inline Point Cross(const Point& a, const Point& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-// One instruction each.
+// Minimum and maximum, compiled to one instruction each.
 inline float Less(float a, float b) {
   return a < b ? a : b;
 }
@@ -38,7 +38,7 @@ inline float Greater(float a, float b) {
   return a > b ? a : b;
 }
 
-// Whether it has a direction.
+// Scales `p` to length 1. False, and `p` is then not finite, if its length is 0.
 inline bool Normalize(Point* p) {
   const float length = std::sqrt(Dot(*p, *p));
   for (float& coordinate : *p) coordinate /= length;
@@ -54,7 +54,8 @@ struct SolidBox {
       high[k] = std::max(high[k], p[k]);
     }
   }
-  // Whether a ray comes through, or nearly. `inverse`: 1 over its direction.
+  // Whether a ray meets the box, up to rounding, within `most` times its direction. `inverse`: 1 / direction, by
+  // coordinate.
   bool IsMet(const Point& origin, const Point& inverse, float most = kFar) const {
     const float ax = (low[0] - origin[0]) * inverse[0], bx = (high[0] - origin[0]) * inverse[0];
     const float ay = (low[1] - origin[1]) * inverse[1], by = (high[1] - origin[1]) * inverse[1];
@@ -134,12 +135,12 @@ class Solid {
   const std::array<Point, 3>& triangle(std::size_t i) const { return triangles_[i]; }
 
  private:
-  static constexpr std::size_t kLeafSize = 3;  // at least, and at most twice that, unless there are fewer
+  static constexpr std::size_t kLeafSize = 3;  // a leaf holds between this and twice this number of triangles
 
   // The first triangle of a leaf.
   std::size_t Begin(std::size_t leaf) const { return leaf * triangles_.size() / leaves_; }
 
-  // Moeller and Trumbore 1997.
+  // Whether a ray meets a triangle (Moeller and Trumbore 1997).
   static bool Meets(const std::array<Point, 3>& triangle, const Point& origin, const Point& direction) {
     float t = 0, u = 0, v = 0;
     return Meets(triangle, origin, direction, &t, &u, &v);
@@ -161,8 +162,8 @@ class Solid {
     return v >= 0 && u + v <= 1 && t > 0;
   }
 
-  // As in BoxTree (box_tree.h): node i has the children 2 i + 1 and 2 i + 2, and the last `leaves_` are leaves. None is
-  // empty.
+  // As in BoxTree (box_tree.h): node i has the children 2 i + 1 and 2 i + 2, and the last `leaves_` nodes are leaves.
+  // No leaf is empty.
   std::vector<std::array<Point, 3>> triangles_;
   std::vector<SolidBox> nodes_;
   std::size_t leaves_ = 1;
@@ -175,7 +176,7 @@ struct RayScene {
   Vec3 low;
   double half;                      // of the diagonal
   std::vector<rays::Point> points;  // per vertex
-  std::vector<std::int32_t> faces;  // all with three vertices, in spatial order
+  std::vector<std::int32_t> faces;  // those whose vertices all exist, in spatial order
   std::optional<rays::Solid> solid;
 
   rays::Point PointAt(const Vec3& position) const {
@@ -189,12 +190,12 @@ struct RayScene {
   struct Hit {
     std::int32_t face = -1;                     // -1: none
     double distance = 0;                        // along `direction`
-    std::array<double, 3> weights = {0, 0, 0};  // of its corners
+    std::array<double, 3> weights = {0, 0, 0};  // of the corners of `face`
   };
   Hit Nearest(const Vec3& place, const Vec3& direction, double reach) const;
 };
 
-// Nothing if there is nothing to look at, a position is not finite, or after a cancellation.
+// nullopt if the mesh has no extent, if the position of a face's vertex is not finite, or after a cancellation.
 std::optional<RayScene> MakeRayScene(const Mesh& mesh, const Execution& execution = {});
 
 }  // namespace planish

@@ -65,7 +65,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, con
                                          const Execution& execution) {
   Eigen::AlignedBox3d box;
   for (const std::int32_t v : vertices) box.extend(positions[v]);
-  // Halved, which cannot overflow.
+  // Coordinates are halved, so that their differences cannot overflow.
   const double extent = (box.max() / 2 - box.min() / 2).maxCoeff();
   constexpr double kLastCell = (1 << kCellBits) - 1;
   std::vector<KeyedIndex> entries(vertices.size());

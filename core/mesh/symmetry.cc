@@ -16,9 +16,9 @@
 namespace planish {
 namespace {
 
-constexpr double kTolerance = 1e-3;  // of the diagonal
-constexpr double kLeastShare = 0.9;  // of the area
-constexpr double kLeastFound = 0.6;  // of some vertices, before more is tried
+constexpr double kTolerance = 1e-3;  // how far a vertex may be from an image, in diagonals of the mesh
+constexpr double kLeastShare = 0.9;  // least share of the area with an image
+constexpr double kLeastFound = 0.6;  // least share of sampled vertices with an image, for a plane that is examined
 
 // The vertices of a mesh in a grid of cells.
 class Cells {
@@ -211,7 +211,8 @@ class Matching {
   // Whether this face is a polygon of its own, without an image.
   bool IsAlone(std::int32_t f) const { return size_[polygon(f)] == 1 && image_of_[polygon(f)] < 0; }
 
-  // Two triangles whose image is two other ones, divided along the other diagonal.
+  // Matches two triangles with two others that divide the mirrored quad along its other diagonal. Each of the two pairs
+  // becomes a polygon.
   void MatchPairs() {
     for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
       const std::int32_t across = Opposite(c);
@@ -253,7 +254,7 @@ class Matching {
     }
   }
 
-  // The first face of a polygon decides for all of them.
+  // Sets the side of each polygon, which is the side of its first face.
   void TellSides(int axis, double place) {
     using Side = Mirror::Side;
     std::vector<Side> side(num_faces_, Side::kAcross);  // per polygon
@@ -305,7 +306,7 @@ class Matching {
         }
       }
     }
-    // Faces without such vertices follow their neighbours.
+    // Faces for which no mirror image was found take the image of a neighbour.
     for (std::int32_t f = 0; f < num_faces_; ++f) {
       if (mirror_.side[f] == Side::kSecond && mirror_.face[f] >= 0) queue.push_back(f);
     }
@@ -317,7 +318,7 @@ class Matching {
         queue.push_back(across / 3);
       }
     }
-    // A polygon goes as a whole.
+    // All faces of a polygon take the image of its first face.
     for (std::int32_t f = 0; f < num_faces_; ++f) mirror_.face[f] = mirror_.face[first[polygon(f)]];
   }
 
@@ -349,7 +350,7 @@ class Finder {
     const double diagonal = (high - low).norm();
     const bool are_finite =
         std::all_of(mesh_.positions.begin(), mesh_.positions.end(), [](const Vec3& p) { return p.allFinite(); });
-    // Cells are counted from the origin, so a mesh far from it has too many.
+    // Cells are numbered from the origin, so that their numbers are too large for a mesh far from it.
     constexpr double kFarthest = 1e3;
     if (!are_finite || !(diagonal > 0) || !std::isfinite(diagonal) ||
         std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff()) > kFarthest * diagonal) {

@@ -24,7 +24,7 @@ using rays::Solid;
 using rays::operator-;
 
 constexpr std::size_t kRays = 16;                         // from each sampled face
-constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // upper bound of the total
+constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // the first plus the second per face: the most rays in all
 constexpr float kAbove = 1e-4F;  // distance of the rays' origins above the surface, in diagonals of the mesh
 
 // Directions about the z axis, distributed by their cosine (Vogel's spiral).
@@ -57,7 +57,7 @@ float OpenShare(const Solid& solid, const Point& place, const Point& normal,
   return static_cast<float>(open) / static_cast<float>(kRays);
 }
 
-// The same from the middle of a triangle; 1 if it has no area.
+// The share of the rays from the middle of a triangle that hit nothing; 1 if the triangle has no area.
 float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const std::array<Point, kRays>& directions) {
   Point normal = Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]), middle;
   if (!Normalize(&normal)) return 1;
@@ -65,13 +65,13 @@ float OpenShare(const Solid& solid, const std::array<Point, 3>& triangle, const 
   return OpenShare(solid, middle, normal, directions);
 }
 
-// How many places of a scene may be looked at.
+// The number of faces that may be sampled.
 std::size_t MostPlaces(const RayScene& scene) {
   return static_cast<std::size_t>((kFirstRays + kRaysPerFace * static_cast<double>(scene.faces.size())) /
                                   static_cast<double>(kRays));
 }
 
-constexpr std::int64_t kSamples = 64;  // of a chunk
+constexpr std::int64_t kSamples = 64;  // sampled faces per chunk
 
 // Spreads the values of the sampled faces to the others, over shared vertices.
 void Spread(const Mesh& mesh, std::vector<std::int32_t> reached, std::vector<float>* value) {

@@ -18,9 +18,9 @@ namespace planish {
 // cancellation.
 std::vector<float> FaceVisibility(const Mesh& mesh, const Execution& execution = {});
 
-// The same share for places on the surface, more exactly: rays start at the places themselves. `normals` point
-// outwards, with any length; the share is 0 for a normal of 0. Of many places only some, evenly spaced, are sampled,
-// within the same time; the others get the value of the last sampled place before them.
+// Per place on the surface: the share of FaceVisibility(), measured more exactly, with rays from the place itself.
+// `normals` point outwards, with any length; the share is 0 for a normal of 0. Of many places only some, evenly spaced,
+// are sampled, within the same time; the others get the value of the last sampled place before them.
 std::vector<float> VisibilityFrom(const Mesh& mesh, const std::vector<Vec3>& places, const std::vector<Vec3>& normals,
                                   const Execution& execution = {});
 

@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 // Silhouettes added to a row before its longest run of free cells is measured again.
 constexpr int kStale = 8;
-// What a search costs in nanoseconds, beside the cells of the rim: for each row, each probe, and each word of a probe.
+// Cost of a search in nanoseconds: per row, per probe, and per word of a probe. Each cell of the rim costs 1 more.
 constexpr std::int64_t kNanosPerRow = 1, kNanosPerProbe = 4, kNanosPerWord = 2;
 
 // The longest run of bits that are 0.
@@ -33,7 +33,8 @@ int LongestRun(const std::uint64_t* words, int count) {
 
 }  // namespace
 
-// First the row with the longest span, then the first and the last row, then rows in between, spread out.
+// Orders the probes by rows: the row with the longest span, the first and the last row, then rows in between, spread
+// out.
 Probes::Probes(const Silhouette& s) {
   all.reserve(s.spans.size());
   std::vector<std::int32_t> longest_of(s.height, 0);
@@ -109,7 +110,7 @@ Rim MakeRim(const Silhouette& s, int most) {
 Board::Board(int most_side, int longest) : stride_((most_side + 2 * kMargin + 63) / 64 + 2) {
   assert(most_side <= kMostCells);
   const int size = most_side + 2 * kMargin;
-  // Enough levels to test the longest span that fits.
+  // The number of levels that suffices to test the longest span.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size, kAll));
 }
@@ -177,13 +178,13 @@ bool Board::FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int
   std::fill_n(free, count, kAll);
   std::int64_t read = 0;
   std::uint64_t any = kAll;
-  int begin = 0, end = count;  // words that have places left; all, if there are few
+  int begin = 0, end = count;  // the range of words with free places; all words if kWords > 0
   for (const Probes::Probe& probe : probes.all) {
     assert(probe.level < std::ssize(levels_));
     const std::uint64_t* const row = Row(probe.level, y + probe.row);
     const std::uint64_t* const a = row + probe.words[0];
     const std::uint64_t* const b = row + probe.words[1];
-    // In two steps, since a shift by 64 is undefined.
+    // Words are shifted left in two steps, since a shift by 64 is undefined.
     const int right_a = probe.bits[0], left_a = 63 - right_a, right_b = probe.bits[1], left_b = 63 - right_b;
     any = 0;
     read += kNanosPerProbe + kNanosPerWord * (end - begin);

@@ -80,9 +80,9 @@ class Board {
   const std::uint64_t* Row(int level, int y) const {
     return levels_[level].data() + static_cast<std::size_t>(y) * stride_;
   }
-  // Sets one bit for each place in row y; returns whether there are any.
+  // Sets one bit in `places` for each x at which the silhouette fits in row y. Returns whether there are any.
   bool FreePlaces(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const;
-  // The same for a number of words known at compile time; 0 means any number.
+  // FreePlaces() with the number of words known at compile time; kWords = 0: any number.
   template <int kWords>
   bool FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const;
 
@@ -91,7 +91,7 @@ class Board {
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Each row has two spare words.
   std::vector<std::vector<std::uint64_t>> levels_;
   std::vector<std::int32_t> longest_free_;  // per row: an upper bound of the longest run of free cells
-  std::vector<std::int8_t> stale_;          // per row: silhouettes added since that was measured
+  std::vector<std::int8_t> stale_;          // per row: silhouettes added since longest_free_ was measured
 };
 
 }  // namespace planish

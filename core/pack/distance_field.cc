@@ -28,7 +28,7 @@ DistanceField::DistanceField(const Outline& outline, double spacing, double reac
   });
 }
 
-// Computes squares of distances first.
+// The nodes hold squares of distances until the last line.
 void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
   for (const auto& [from, to] : outline.edges) {
     const Vec2 a = outline.points[from] - low_, along = outline.points[to] - outline.points[from];

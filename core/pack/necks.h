@@ -16,8 +16,8 @@ struct NeckOptions {
 // A chord between two points of an outline, given by their indices; from < to.
 struct Neck {
   std::int32_t from = -1, to = -1;
-  // What this cut gains, but at most the gain of the cut that must come before it. So the necks above any gain can be
-  // cut without the others.
+  // The gain of this cut, but at most that of the cut that must come before it. So the necks above any gain can be cut
+  // without the others.
   double gain = 0;
 };
 

@@ -65,7 +65,7 @@ void OrderAlongLoops(std::size_t num_points, std::vector<std::array<std::int32_t
 
 }  // namespace
 
-// By rotating calipers.
+// Uses rotating calipers.
 HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
   HullRectangle best;
   double least = std::numeric_limits<double>::infinity();
@@ -156,7 +156,7 @@ Outline MakeOutline(const PackChart& chart) {
     outline.upright = -portable::Atan2(rectangle.along.y(), rectangle.along.x()) +
                       (rectangle.height > rectangle.width ? std::numbers::pi / 2 : 0);
   }
-  // There may be a hundred thousand charts of one triangle.
+  // Frees spare memory, since there may be a hundred thousand charts of one triangle.
   outline.points.shrink_to_fit();
   outline.edges.shrink_to_fit();
   outline.hull.shrink_to_fit();
@@ -164,7 +164,7 @@ Outline MakeOutline(const PackChart& chart) {
 }
 
 Outline Simplified(const Outline& outline, double tolerance) {
-  constexpr std::size_t kLongestRun = 32;  // at most so many edges become one, which keeps the search linear
+  constexpr std::size_t kLongestRun = 32;  // at most this many edges become one, which keeps the search linear
   Outline simple = outline;
   simple.points.clear();  // keeps the memory, which is enough
   simple.edges.clear();

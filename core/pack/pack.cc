@@ -140,7 +140,7 @@ class Packer {
       FitOne();
       return true;
     }
-    // The least scale: charts of about one texel. If there was no room for any padding, nearly any scale.
+    // The least scale: charts of about one texel. If no padding is left to give up, nearly any scale.
     double least = any_scale || charts_.total_area == 0
                        ? 1e-9 * LargestScale()
                        : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
@@ -149,7 +149,7 @@ class Packer {
     return HasNoTime() && FitOnShelves(least);
   }
 
-  // Whether the best so far is as large as it may be, but for rounding.
+  // Whether the best scale so far is the largest allowed one, up to rounding.
   bool IsLargeEnough() const { return best_.scale >= (1 - 1e-12) * options_.most_scale; }
 
   bool HasNoTime() const { return charts_.order.size() > tuning_.many_charts && execution_.IsStopRequested(); }
@@ -200,7 +200,7 @@ class Packer {
         static_cast<std::size_t>(std::clamp(charts_.num_faces, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
     series_ = MakeTrialSeries(simple(), charts_.atlas, tiles_, kept);
     starts_.clear();
-    double good = 0, bad = 0, expected = 0;  // at which all charts fit, do not fit, might fit
+    double good = 0, bad = 0, expected = 0;  // scales: all charts fit, do not fit, might fit
     int since_good = 0;                      // trials since all charts first fitted
     std::vector<Pose> poses(charts_.outlines.size());
     SetUnit(std::min(ScaleForFill(tuning_.first_fill), options_.most_scale));
@@ -237,7 +237,7 @@ class Packer {
         if (bad > 0) next = std::min(next, std::sqrt(good * bad));
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));
-        // Among many charts, small ones find little room between large ones.
+        // With many charts the scale falls faster, since small charts find little room between large ones.
         next = scale /
                std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
@@ -263,13 +263,13 @@ class Packer {
     SetUnit(scale);
     return grid_.side;
   }
-  // The same for scales up to the largest that is allowed.
+  // GridFor() of this scale, or of the largest that is allowed if that is smaller.
   int GridUpTo(double scale) {
     if (scale < options_.most_scale) return GridFor(scale);
     SetUnit(options_.most_scale);
     return grid_.side;
   }
-  // From now on, a grid of the usual side has this scale.
+  // Sets the size of cells: from now on, a grid of the usual side has this scale.
   void SetUnit(double scale) {
     grid_.unit = scale * grid_.side / grid_.extent;
     made_.most_side = -1;
@@ -391,7 +391,7 @@ class Packer {
     if (starts_.size() > static_cast<std::size_t>(tuning_.starts)) starts_.erase(starts_.begin());
   }
 
-  // About the area of all charts, with half of the padding round each, over that of the first `count`.
+  // The approximate area of all charts, with half of the padding round each, divided by that of the first `count`.
   double AreaRatio(double scale, std::size_t count) const {
     const std::vector<double> scales = Scales(scale);
     double placed = 0, all = 0;
@@ -405,7 +405,8 @@ class Packer {
     return placed > 0 ? all / placed : kHuge;
   }
 
-  // Places each chart in a box of its own.
+  // Places the bounding boxes of the charts in rows, trying smaller and smaller scales. False if none above `least`
+  // fits.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
     for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
@@ -488,13 +489,13 @@ class Packer {
     std::vector<std::int32_t> order;    // large to small
     std::vector<int> atlas;             // of each chart
     double num_faces = 0;
-    double total_area = 0, largest_area = 0;  // of all charts, of those of one atlas
+    double total_area = 0, largest_area = 0;  // of all charts; of the fullest atlas
   } charts_;
   struct {
     int side = 256;     // usual number of cells
     double extent = 1;  // of the grid, in the texture
     double radius = 0;  // half of the padding, in the texture
-    double unit = 1;    // cells along a length of 1 on the surface, at weight 1
+    double unit = 1;    // cells along a length of 1 on the surface, at density 1
   } grid_;
   double margin_ = 0;           // between the grid and each side of the tile
   double padding_ = 0;          // texels
@@ -509,7 +510,7 @@ class Packer {
   } made_;  // range of grid sides that the silhouettes are valid for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
-  std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale than the one before
+  std::vector<Arrangement> starts_;  // the last few that fitted, by ascending scale
 };
 
 }  // namespace

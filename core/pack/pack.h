@@ -16,8 +16,8 @@ namespace planish {
 // same on any machine. Times in comments are those of one core of the year 2022.
 enum class PackEffort {
   kFast,    // about a quarter of the cost of the charts and their maps
-  kNormal,  // about a quarter of that plus 0.15 ms a chart; at least 1.2 ms a chart, up to 12 ms
-  kBest,    // with more charts (AtlasTuning): 50 times that; at least 2 s a chart, up to a minute
+  kNormal,  // about a quarter of that cost plus 0.15 ms a chart; at least 1.2 ms a chart, up to 12 ms
+  kBest,    // 50 times that cost, at least 2 s a chart, up to a minute; makes more charts (AtlasTuning)
 };
 // The cost of packing relative to that of the charts and their maps.
 double ShareOfRest(PackEffort effort, const PackTuning& tuning = {});
@@ -58,7 +58,7 @@ Vec2 CornerOfTile(int tile);
 
 struct Packing {
   std::vector<ChartPlacement> charts;  // in the order given
-  int tiles = 1;                       // up to the last one used
+  int tiles = 1;                       // number of tiles up to the last one used
   double scale = 1;                    // of charts with density 1
   double padding = 0;                  // texels kept: options.padding, or less if too many charts leave no room for it
   double efficiency = 0;               // area of the faces over area of the tiles used
@@ -87,8 +87,8 @@ inline constexpr double kFreeMove = 1e-6;
 // Thread-safe. Work is near-linear in the number of charts. After a stop request, the first placement that keeps the
 // distances is returned. After a cancellation the result is incomplete and must not be used.
 Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution = {});
-// The same for `count` charts that make_chart(i) makes one after the other. They are not kept, since all of them may
-// take as much memory as packing.
+// Packs `count` charts, which make_chart(i) makes one after the other. They are not kept, since all of them may take as
+// much memory as packing.
 Packing Pack(std::size_t count, const std::function<PackChart(std::size_t)>& make_chart, const PackOptions& options,
              const Execution& execution = {});
 

@@ -17,8 +17,8 @@ namespace {
 
 constexpr int kDepthUnit = 16;  // per pixel of depth
 constexpr int kBorder = 2;      // pixels round the tile, for samples at the rim
-constexpr int kAngles = 24;     // rotations tried at random places, from the first one on
-constexpr int kFineTurns = 4;   // rotations between two of these
+constexpr int kAngles = 24;     // evenly spaced rotations tried at random places
+constexpr int kFineTurns = 4;   // local search has this many rotations for each of these
 constexpr int kTurns = kFineTurns * kAngles;
 constexpr int kTries = 60;            // random places that a chart tries in a move
 constexpr double kMostWeight = 1000;  // of a pair
@@ -36,7 +36,7 @@ int Rounded(double x) {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 0x2545F4914F6CDD1Du) {}
-  // In [0, n).
+  // A random integer in [0, n).
   int Below(int n) {
     state_ ^= state_ >> 12;
     state_ ^= state_ << 25;
@@ -51,11 +51,11 @@ class Random {
 // A chart at one rotation, in pixels relative to its centre. Each member is computed once.
 struct Turned {
   double angle = 0;
-  Box box;                                   // of its points
-  bool fits = false;                         // within the tile
-  std::array<std::pair<int, int>, 2> range;  // of x and y of its places; the middle of the tile if it does not fit
-  std::vector<std::int32_t> samples;         // offsets in the image
-  std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y); empty until needed
+  Box box;                                          // of its points
+  bool fits = false;                                // within the tile
+  std::array<std::pair<int, int>, 2> range;         // of x and of y; the middle of the tile if it does not fit
+  std::vector<std::int32_t> samples;                // offsets in the image
+  std::vector<std::array<std::int16_t, 2>> places;  // the samples as (x, y); empty until needed
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
@@ -128,7 +128,8 @@ class Search {
   }
 
  private:
-  // Samples along the outline and, less densely, inside. In an order that reaches every part of the chart early.
+  // Samples along the outline and, less densely, inside. In random order, so that the first few are spread over the
+  // chart.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];
     const double unit = scales_[i] / image_.pixel;
@@ -295,7 +296,7 @@ class Search {
     return cost;
   }
 
-  // Returns false if the chart does not fit the tile at the random rotation.
+  // Sets *pose to a random rotation and place. Returns false if the chart does not fit the tile at this rotation.
   bool RandomPose(std::int32_t i, CellPose* pose) {
     pose->turned = kFineTurns * random_.Below(kAngles);
     const Turned& turned = At(i, pose->turned);
@@ -308,7 +309,7 @@ class Search {
     return true;
   }
 
-  // Local search: moves to better neighbours until there are none.
+  // Local search: moves *pose to the best of its neighbours until none is better.
   void Descend(std::int32_t i, CellPose* pose, std::int64_t* cost) const {
     for (int step = 4; step >= 1 && *cost > 0;) {
       CellPose best = *pose;
@@ -392,13 +393,14 @@ class Search {
     charts_.pairs[i].push_back({j, factor});
   }
 
-  // Times 1: removes the chart from the image and draws the pairs that weigh more than 1 for it. Times -1: undoes that.
+  // With `times` 1, removes chart i from the image, and draws its partners in pairs once more with the part of the
+  // pair's weight that exceeds 1. With -1, undoes that.
   void Lift(std::int32_t i, int times) {
     Draw(i, -times * kWeightUnit);
     for (const Pair& pair : charts_.pairs[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
   }
 
-  // Returns whether the chart overlapped others and still does.
+  // Moves the chart to a better place if it overlaps others. Returns whether it overlapped others and still does.
   bool Move(std::int32_t i) {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     charts_.overlaps[i] = false;
@@ -449,10 +451,10 @@ class Search {
     std::int32_t other;
     double weight;
   };
-  // Per chart.
+  // Data of the charts; each vector has one element per chart.
   struct {
-    std::vector<std::vector<Pair>> pairs;  // with weights above 1
-    std::vector<char> overlaps;            // at its last move
+    std::vector<std::vector<Pair>> pairs;  // the pairs with weights above 1
+    std::vector<char> overlaps;            // whether it overlapped others after its last move
     std::vector<double> angle;             // at turn 0
     std::vector<std::vector<Vec2>> samples;
     mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned;  // computed on demand

@@ -6,7 +6,7 @@
 namespace planish {
 namespace {
 
-constexpr std::int32_t kBlock = 16;          // samples
+constexpr std::int32_t kBlock = 16;          // samples in each
 constexpr int kContactLife = 8;              // least number of steps between two searches for contacts
 constexpr double kMomentum = 0.7;            // share of a step that the next one keeps
 constexpr std::int64_t kMostSteps = 200000;  // moves of single charts while growing
@@ -17,7 +17,7 @@ constexpr std::int64_t kLookWork = 9, kContactWork = 20, kFarContactWork = 2, kB
 constexpr double kTurningPart = 1.5;  // radius of a chart over its turning radius
 constexpr double kShare = 0.5;        // part of a missing distance by which each of the two charts moves
 
-// Points along the edges, at most `spacing` apart. Skips vertices within half of that of the last sample.
+// Points along the edges, at most `spacing` apart. Skips vertices that are within half the spacing of the last sample.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
   std::vector<Vec2> samples;
   std::int32_t last = -1;  // where the previous edge ended
@@ -102,7 +102,7 @@ void Relaxer::FindContacts() {
   const auto collect = [&](std::int32_t a, std::int32_t b) {  // collects the samples of a near b
     const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
     const DistanceField& field = fields_[b];
-    // From the frame of a to that of b.
+    // The motion from the frame of a to that of b.
     Rotation own = turns[b];
     own.cosine /= unit * unit;
     own.sine /= unit * unit;
@@ -140,7 +140,9 @@ double Relaxer::Step() {
   if (contacts_.age == 0 || (contacts_.age >= kContactLife && have_moved())) FindContacts();
   ++contacts_.age;
   std::int64_t looked_at = 0;  // contacts evaluated
-  // Sums of missing * row and of row * row^T (upper half only).
+  // The normal equations for the motion of a body: sums over its contacts of row * row^T (upper half only) and of
+  // missing * row. A row (x, y, t) says by how much the body's motion along x, along y and in rotation changes the
+  // distance.
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
     double x = 0, y = 0, t = 0;

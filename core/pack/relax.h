@@ -35,7 +35,7 @@ class Relaxer {
   void set_scale(double scale);
   // The cost so far in about nanoseconds, counted in steps of the algorithm.
   std::int64_t work() const { return spent_.work; }
-  // Per chart, added to the distance; initially 0.
+  // Per chart: a length by which its distances from others must be larger; initially 0.
   std::vector<double>& margins() { return margins_; }
 
   // Grows the charts by a factor of `growth` at a time, until `patience` steps in a row have not separated them, or
@@ -68,7 +68,7 @@ class Relaxer {
   double Moved(const Contact& contact) const {
     return contacts_.moved[contact.body] + (contact.other < 0 ? 0 : contacts_.moved[contact.other]);
   }
-  // One step; returns the largest missing distance.
+  // Moves all charts by one step; returns the largest missing distance.
   double Step();
 
   const std::vector<DistanceField>& fields_;

@@ -46,7 +46,7 @@ struct Capsule {
     return best;
   }
 
-  // sign * x of the farthest point to one side within y0 <= y <= y1, where the capsule must have a point.
+  // The largest sign * x of the capsule's points with y0 <= y <= y1. There must be such a point.
   double Farthest(double y0, double y1, double sign) const {
     const Vec2& tip = sign * a.x() >= sign * b.x() ? a : b;
     const double low = std::max(y0, a.y() - radius), high = std::min(y1, b.y() + radius);
@@ -141,7 +141,7 @@ class Grid {
   std::vector<std::uint64_t> bits_;
 };
 
-// MakeSilhouette(); unless `at` is null, shifted by less than a cell as for MakeFixedSilhouette().
+// The result of MakeSilhouette() if `at` is null, of MakeFixedSilhouette() otherwise: shifted by less than a cell.
 Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius, const Vec2* at) {
   const Rotation rotate(angle, scale);
   radius += scale * outline.slack;

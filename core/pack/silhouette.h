@@ -50,14 +50,14 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
 
 // The silhouette rotated by a quarter turn counter-clockwise. Exact, as the grid is symmetric.
 Silhouette QuarterTurn(const Silhouette& silhouette);
-// Rotated by half a turn.
+// The silhouette rotated by half a turn.
 Silhouette HalfTurn(const Silhouette& silhouette);
 
-// MakeSilhouette() with the centre at `at` of a larger grid. The corner of cell (0, 0) is a whole number of cells
-// there.
+// MakeSilhouette() for a chart whose centre is at `at` on a larger grid, not shifted to touch the axes: the cells are
+// cells of that grid.
 struct FixedSilhouette {
   Silhouette silhouette;
-  int x, y;  // of the corner
+  int x, y;  // the cell of the grid that is cell (0, 0) of the silhouette
 };
 FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at);
 

@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// A chart at its position.
+// The outline of a chart at its position in the texture.
 struct Placed {
   std::vector<Vec2> points;
   Box box;
@@ -48,7 +48,7 @@ double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Ou
 
 struct TooNear {
   std::int32_t a, b;  // charts; b is -1 for the rim of the tile
-  double missing;     // by how much the distance falls short; all of it if charts overlap
+  double missing;     // by how much the distance falls short; the whole distance if charts overlap
 };
 
 // The final check of a packing, by exact distances instead of raster or samples: finds charts, scaled by `scales`, that
@@ -123,7 +123,7 @@ class Tightener {
     std::int64_t growing = 0;
     const auto share = [&](double part) { return std::llround(part * static_cast<double>(options_.work)); };
     const std::int64_t most = share(tuning_.growing_share), most_before_others = share(tuning_.others_share);
-    // The largest first; the others only while nearly all of the work is left.
+    // Grows the start with the largest scale first, and the others only while nearly all of the work is left.
     for (auto start = starts_.rbegin(); start != starts_.rend() && (found.empty() || growing < most_before_others);
          ++start) {
       Relaxer relaxer = MakeRelaxer(*start);
@@ -153,7 +153,7 @@ class Tightener {
     return scales;
   }
 
-  // Image size and number of moves of a hop.
+  // The options for rearranging in a hop that may take `work`.
   RearrangeOptions OfHop(std::int64_t work) const {
     RearrangeOptions options = {options_};
     options.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
@@ -170,7 +170,7 @@ class Tightener {
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
     struct Lane {
       Arrangement here;
-      double record;  // the largest scale since it left the best
+      double record;  // the lane's largest scale since it left the best
       double step;
       int in_vain = 0;  // hops since the record
     };
@@ -215,9 +215,9 @@ class Tightener {
     }
   }
 
-  // From `here` to another jammed arrangement at a scale of at least_scale or more. Rearranges with overlaps at
-  // `growth` times the scale; overlaps may remain, since most vanish when the charts shrink again. Nothing if some do
-  // not vanish. Rearranging may take `options.work`, and the rest as much again.
+  // Goes from `here` to another jammed arrangement, at least_scale or a larger scale. Charts are rearranged at `growth`
+  // times the scale. Overlaps may remain, since most vanish when the charts shrink again; nullopt if some do not.
+  // Rearranging may take `options.work`, and separating and growing together as much again.
   std::optional<Arrangement> Hop(Arrangement here, double least_scale, double growth, const RearrangeOptions& options,
                                  std::int64_t* work) const {
     const double scale = here.scale * growth;
@@ -235,8 +235,8 @@ class Tightener {
     return Arrangement{relaxer.poses(), relaxer.scale()};
   }
 
-  // Distances were sampled so far. Moves charts apart, or shrinks them slightly, until exact distances are kept, and
-  // stores the result in arrangement_. Returns whether it succeeded.
+  // Until here, distances were only sampled. Moves charts apart, or shrinks them slightly, until exact distances are
+  // kept, and stores the result in arrangement_. Returns whether it succeeded.
   bool Settle(const Arrangement& arrangement, double least_scale) {
     Relaxer relaxer = MakeRelaxer(arrangement);
     if (relaxer.scale() > options_.most_scale) relaxer.set_scale(options_.most_scale);
@@ -255,7 +255,7 @@ class Tightener {
           arrangement_ = {relaxer.poses(), relaxer.scale()};
           return true;
         }
-        // More than is missing: without this, settling takes many more rounds (PackTuning::settling_margin).
+        // Asks for more than is missing. Otherwise settling takes many more rounds (PackTuning::settling_margin).
         const double more = tuning_.settling_margin * relax_.tolerance;
         for (const TooNear& pair : too_near) {
           for (const std::int32_t i : {pair.a, pair.b}) {

@@ -13,8 +13,8 @@
 namespace planish {
 
 struct TightenOptions : PackRules {
-  std::int64_t work = 0;  // limit of about so many nanoseconds, counted in steps of the algorithms
-  double most_scale = std::numeric_limits<double>::infinity();  // of the result
+  std::int64_t work = 0;  // limit in about nanoseconds, counted in steps of the algorithms
+  double most_scale = std::numeric_limits<double>::infinity();  // largest scale of the result
   PackTuning tuning;
 };
 

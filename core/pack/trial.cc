@@ -95,7 +95,7 @@ class Series final : public TrialSeries {
 
  private:
   void Begin(int side, const TrialPlan& plan) {
-    constexpr int kRoom = 16;  // later grids may be larger by this part of the side
+    constexpr int kRoom = 16;  // later grids may be larger by the side / kRoom
     plan_ = &plan;
     work_ = 0;
     filled_ = 0;
@@ -184,7 +184,7 @@ class Series final : public TrialSeries {
     return *slot;
   }
 
-  // Angles that differ by right angles are made from each other: a new silhouette from the outline could lie
+  // Silhouettes at angles that differ by right angles are made from each other: one made from the outline could lie
   // differently in its cells.
   Shape MakeShape(std::int32_t i, int turn, int level) {
     const int half = shared_.angles % 2 == 0 ? shared_.angles / 2 : shared_.angles;
@@ -223,7 +223,7 @@ class Series final : public TrialSeries {
     if (plan_->thorough) return FindFrom(i, level, {});
     Start* const start = StartFor(i, level);
     Found best = FindFrom(i, level, *start);
-    // Charts of a size differ a little, so there may still be room below.
+    // The start is for charts of similar size, so chart i may still fit below it.
     if (best.tile < 0 && (start->tile > 0 || start->row > 0)) best = FindFrom(i, level, {});
     if (best.tile >= 0) *start = {best.tile, best.first_row};
     return best;
@@ -274,11 +274,11 @@ class Series final : public TrialSeries {
     int angles = 0;
     bool keeps = false;                                   // whether shapes of all charts are kept, by chart and angle
     std::vector<std::unique_ptr<Shape>> shapes;           // if not kept, those of one chart
-    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot; if kept
+    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // of shapes on coarser levels: on level 0; if kept
     std::int32_t chart = -1;                              // the chart of these shapes, if they are not kept
   };
   Shared shared_;
-  // Of the current trial.
+  // State of the current trial.
   const TrialPlan* plan_ = nullptr;
   int side_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas

@@ -26,8 +26,8 @@ struct TrialPlan {
   int angles = 8;                   // evenly spaced angles to try, from the upright one on; a multiple of 4, or below 4
   // True, for few charts: every chart is searched for from the first row on, even after a stop request. False: a stop
   // request ends the trial without a result, and the search for a chart begins at the row where the last chart of about
-  // its size went. Below that there was no room, so charts of one size search each tile only once. The first row with
-  // room, at each angle, is not compared with rows beyond it. That halves the work and loses nothing among so many
+  // its size went. Below that row there was no room, so charts of one size search each tile only once. The first row
+  // with room, at each angle, is not compared with rows beyond it. That halves the work and loses nothing among so many
   // charts (eight sets of 320 to 3,000 fill 0.672 of the texture on average either way).
   bool thorough = false;
 };
@@ -48,9 +48,9 @@ class TrialSeries {
   // their silhouettes. Trials with the same number of angles share them.
   virtual void Resize(std::vector<double> scales, double radius) = 0;
 
-  // A trial on grids of side x side cells. Each chart goes near the lowest row with room for it, where it lies
-  // snuggest. Ends as soon as the area without a place exceeds most_missing. Stores the poses of placed charts in
-  // *poses, in cells from the corner of the grid.
+  // Runs a trial on grids of side x side cells. Each chart goes near the lowest row with room for it, to the place with
+  // the most taken cells around it. Ends as soon as the area without a place exceeds most_missing. Stores the poses of
+  // placed charts in *poses, in cells from the corner of the grid.
   virtual TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
                           std::vector<Pose>* poses) = 0;
 };

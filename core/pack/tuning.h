@@ -33,7 +33,7 @@ struct PackTuning {
   // texture on average with 2e6 and 20e6, 1.5e6 and 15e6, and 1.2e6 and 12e6.
   double least_per_few = 1.2e6, least_work = 12e6, least_per_chart = 25'000;
 
-  // Least work of PackEffort::kBest: for each chart, up to the second number in total.
+  // Least work of PackEffort::kBest: best_per_few for each chart, up to least_best_work in total.
   double best_per_few = 2e9, least_best_work = 60e9;
 
   // Trials (trial.h). Cells along an average chart, and along a tile. More cells place charts closer and cost more.
@@ -59,9 +59,10 @@ struct PackTuning {
   int least_trials = 3, most_trials = 7;
   // Share of the tiles that charts and padding fill in the first trial; much more never fits.
   double first_fill = 0.85;
-  // Ratios of scales. The largest scale that fits is known well enough within known_within. Above wide_bracket, more
-  // trials gain more than later steps do. Without a bracket, scales change by at most farthest_change; those of few
-  // charts grow by at least `upwards`.
+  // Ratios of scales. The largest scale that fits is known well enough within known_within. As long as the least scale
+  // that does not fit is more than wide_bracket times the largest that fits, more trials gain more than later steps do.
+  // Before both scales are known, scales change by at most farthest_change; with few charts they grow by at least
+  // `upwards`.
   double known_within = 1.01, wide_bracket = 1.03, farthest_change = 1.12, upwards = 1.04;
   // A bracket wider than this is narrowed even if trials of very many charts take more than all of the work. Narrower
   // ones are not: five thousand triangles on random vertices, each a chart, fill 0.465 of the texture in place of
@@ -78,17 +79,17 @@ struct PackTuning {
   // charts have grown, some cannot be separated again.
   double first_step_charts = 60;
   // With less work there is one lane of hops. For the same time the six scans of the atlas bench, at five stretch
-  // limits and two paddings, fill 0.8063 of the texture on average with two lanes, 0.8082 with one, 0.8086 with these
-  // first steps.
+  // limits and two paddings, fill 0.8063 of the texture on average with two lanes, 0.8082 with one, and 0.8086 with one
+  // and this first_step.
   std::int64_t one_lane_work = 1'000'000'000;
   // Moves of single charts in a hop. With 200 and 2 in place of 300 and 3, packing takes 0.93 of the time, and the
-  // copies of charts/tuning.h fill 0.8299 in place of 0.8307 of the texture.
+  // copies of scans that charts/tuning.h describes fill 0.8299 in place of 0.8307 of the texture.
   std::int64_t moves_at_once = 200, moves_at_once_per_chart = 2;
   // More charts than this are not rearranged, which would take much memory and seldom find places. They only grow.
   std::size_t most_to_rearrange = 1000;
-  // By how much a hop of either lane may fall short of its record (0.740 of the texture on those meshes; with 0 and
-  // 0.002 0.739, with 0.002 and 0.02 0.739), and the hops without a record after which the second lane returns to the
-  // best.
+  // For each of the two lanes: by what share a hop's scale may be below the lane's record. The 21 meshes above fill
+  // 0.740 of the texture; with 0 and 0.002 0.739, with 0.002 and 0.02 0.739. `hops_away`: the hops without a record
+  // after which the second lane returns to the best arrangement.
   std::array<double, 2> hop_down = {0.001, 0.005};
   int hops_away = 2;
   // Growth and patience (in steps) at the end of a hop.

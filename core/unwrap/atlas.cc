@@ -99,7 +99,7 @@ Atlas Place(const UnwrapOptions& options, int texture_size, const Atlas* before,
   return atlas;
 }
 
-// The smallest power of two, as a texture's size, that may hold the charts at this density: by their area alone.
+// The smallest power of two that may be enough as a texture's size for the charts at this density, by their area alone.
 int LeastTextureSize(const UnwrapOptions& options, const Charts& charts) {
   std::map<std::int32_t, double> areas;  // of each atlas, in texels
   for (const MappedChart& mapped : charts.charts) {
@@ -123,8 +123,8 @@ int LeastTextureSize(const UnwrapOptions& options, const Charts& charts) {
   return size;
 }
 
-// Place() at UnwrapOptions::texels_per_unit, into the smallest texture that has room where that is asked for. A draft,
-// or what a stop request cuts short, may be less dense.
+// Place() at UnwrapOptions::texels_per_unit; with finds_texture_size, into the smallest texture that has room. Drafts,
+// and packings that a stop request cuts short, may be less dense. OPTIONS_INVALID: no allowed texture has room.
 absl::StatusOr<Atlas> PlaceAtDensity(const UnwrapOptions& options, const Atlas* before, bool is_draft,
                                      const Execution& execution, Charts* charts) {
   int size = options.finds_texture_size ? LeastTextureSize(options, *charts) : options.atlas.texture_size;
@@ -147,8 +147,8 @@ absl::StatusOr<Atlas> PlaceAtDensity(const UnwrapOptions& options, const Atlas* 
   }
 }
 
-// Places the maps that were solved since the last packing, at its scale: all at one place, round the middle of the
-// quarter of a tile where rounding is coarsest.
+// Places the maps without a placement, which were solved since the last packing, at the scale of that packing: all at
+// one place, round the middle of the quarter of a tile where rounding is coarsest.
 void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* charts) {
   const Vec2 middle(0.75, 0.75);
   for (MappedChart& mapped : charts->charts) {
@@ -164,7 +164,7 @@ void PlaceRoughly(const UnwrapOptions& options, const Atlas& atlas, Charts* char
 }
 
 // Gives faces without a chart the UV of the two ends of an edge, or of one corner at a vertex, where a face of the same
-// atlas has UV there.
+// atlas has UV there; otherwise the corner of a tile.
 void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::vector<std::int32_t>& face_chart,
                     CornerUv* uv) {
   std::vector<char> wanted(mesh.positions.size(), 0);

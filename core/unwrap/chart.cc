@@ -34,7 +34,7 @@ std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const
 
 // Moves both sides of slits to their middle if their ends coincide up to the errors of a solve and a layout, unless
 // that flips a triangle. Does the same for the copies of a mesh vertex at which a chart touches itself: if they
-// differed by a rounding error, the sides could overlap after further rounding.
+// differed by a rounding error, the sides could overlap after further rounding. Returns the slits that are closed.
 std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::vector<Vec2>* positions) {
   constexpr double kCoincide = 1e-6;  // of the edge's length
   const std::vector<Face>& faces = chart.topology->faces;
@@ -86,8 +86,9 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
 }
 
 struct Extent {
-  double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; sum of squared edges
-  double surface_edges = 0, map_edges = 0;
+  // Sums over the faces that are not widened. `surface_squares`: of squared edges.
+  double surface_area = 0, map_area = 0, surface_squares = 0;
+  double surface_edges = 0, map_edges = 0;  // sums over all faces
   void Add(const Extent& other) {
     surface_area += other.surface_area;
     map_area += other.map_area;
@@ -97,7 +98,8 @@ struct Extent {
   }
 };
 
-// Relative to squared edges. Only needles have less area, which errors of their angles change many times over.
+// Area of a chart, relative to the sum of its squared edges, below which it consists of needles. Errors of their angles
+// change the area of needles many times over.
 constexpr double kLeastArea = 1e-4;
 
 // Scales the map to the area of the surface, without widened faces, or to the length of edges if there is next to no
@@ -134,8 +136,9 @@ CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
 // Cosine and sine of rotations, as examples of the unknown rotation of the delivered map.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
 
-// For a map that does not overlap itself: overlaps after rounding to multiples of `resolution`, without triangles that
-// rounding flips or collapses. `ignored`: per face of the chart; empty: none.
+// Rotates a map that does not overlap itself by each of kTurns, rounds it to multiples of `resolution`, and returns the
+// first overlaps that this causes. Triangles that rounding flips or collapses do not count. `ignored`: per face of the
+// chart; empty: none.
 Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const std::vector<std::int32_t>& opposite,
                                const std::vector<char>& ignored, double resolution, const Execution& execution) {
   for (const auto& [cosine, sine] : kTurns) {
@@ -297,7 +300,7 @@ absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flatt
 
 absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
                                         std::shared_ptr<const FlattenSummary> summary, const Execution& execution) {
-  // Its edges are more precise than its angles: if two angles are `a` radians, their rounding moves a corner along the
+  // The edges are more precise than the angles: if two angles are `a` radians, their rounding moves a corner along the
   // longest edge by the fraction eps / a of the edge, which is far more than the altitude of a needle.
   const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
   const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };

@@ -40,7 +40,7 @@ Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
                 const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {}, const Execution& execution = {});
 
 struct ChartMap {
-  std::shared_ptr<const FlattenSummary> flatten;  // of the solve; null before it
+  std::shared_ptr<const FlattenSummary> flatten;  // summary of the solve; null before the solve
   // Per vertex of the chart's topology. The map has the area of the surface (both without widened faces), before
   // Chart::enlargement.
   std::vector<Vec2> positions;
@@ -67,8 +67,9 @@ struct ChartFaults {
 // The diameter of a circle that holds these points; there must be at least one.
 double ExtentOf(const std::vector<Vec2>& points);
 
-// `resolution`: the rounding of delivered positions, in units of the surface; 0: none. Overlaps caused by rounding
-// count, as where an outline touches itself; triangles flipped or collapsed by rounding do not.
+// Finds the faults of a map, without faces marked in `ignored`. `resolution`: the rounding of delivered positions, in
+// units of the surface; 0: none. Overlaps caused by rounding count, as where an outline touches itself; triangles
+// flipped or collapsed by rounding do not.
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution);
 
@@ -76,11 +77,11 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
 // sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution);
-// The same for a chart that is_triangle_as_measured(), from its edges, without a solve. There may be a hundred thousand
-// such charts, so all share one summary.
+// LayOutChart() for a chart that is_triangle_as_measured(): computes positions from its edges, without a solve. There
+// may be a hundred thousand such charts, so all share one summary.
 absl::StatusOr<ChartMap> LayOutTriangle(const Mesh& mesh, const Chart& chart,
                                         std::shared_ptr<const FlattenSummary> summary, const Execution& execution);
-// The second part of both: from positions in any unit to the map.
+// The second part of LayOutChart() and LayOutTriangle(): makes the map from positions in any unit.
 absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, std::shared_ptr<const FlattenSummary> summary,
                                     std::vector<Vec2> positions, const Execution& execution);
 

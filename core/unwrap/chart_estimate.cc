@@ -16,10 +16,10 @@ AtlasTuning ForMaps(AtlasTuning tuning) {
   return tuning;
 }
 
-// The two segments of a closed curve that cross, the farthest apart along it; -1 if none do. The sides of a slit may
-// lie on each other: segments count only where both ends are off the other one, and by more than `least`. Of those
-// found within a number of tests that curves of ordinary shapes do not need; the map that is solved for is looked at
-// whole.
+// Finds the two segments of a closed curve that cross and are farthest apart along it; -1 if none cross. The sides of a
+// slit may lie on each other, so segments count only if the ends of each are on both sides of the other, farther than
+// `least` from its line. The search ends after a number of tests that curves of ordinary shapes do not need. What it
+// misses is found once the chart is solved.
 std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& curve, double least) {
   const auto n = static_cast<std::int32_t>(curve.size());
   const auto end = [&](std::int32_t i) -> const Vec2& { return curve[i + 1 == n ? 0 : i + 1]; };
@@ -54,8 +54,9 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   return crossing;
 }
 
-// The third corner, counter-clockwise, of a triangle with edges of these lengths, whose first two are about here; the
-// first one again where that is not a number, as where the first two coincide.
+// The third corner of a counter-clockwise triangle with edges of these lengths, whose first corner is `from` and whose
+// second one lies in the direction of `to`. `from` if the result is not finite, as where the first two corners
+// coincide.
 Vec2 ThirdCorner(const Vec2& from, const Vec2& to, double base, double from_third, double to_third) {
   const Vec2 along = (to - from).normalized();
   const double foot = (base * base + from_third * from_third - to_third * to_third) / (2 * base);
@@ -170,7 +171,7 @@ std::vector<Vec2> ChartEstimates::Positions(std::int32_t chart, const FlatMesh& 
   std::vector<Vec2> positions(disc.positions.size());
   enum class State : char { kFar, kQueued, kPlaced };
   std::vector<State> state(disc.positions.size(), State::kFar);
-  std::vector<double> root(disc.positions.size(), 1.0);  // of e^u
+  std::vector<double> root(disc.positions.size(), 1.0);  // the square root of e^u
   const auto vertex_at = [&](std::int32_t c) { return disc.faces[c / 3][c % 3]; };
   const auto is_placed = [&](std::int32_t c) { return state[vertex_at(c)] == State::kPlaced; };
   for (std::size_t i = 0; i < charts_[chart].outline.size(); ++i) {

@@ -1,5 +1,5 @@
-// What the maps of charts look like, before they are solved for: cheap enough to cut charts and to join them, so that
-// most charts need to be solved once only.
+// Estimates the outline and the stretch of the maps of charts before they are solved for. That is cheap enough to
+// decide which charts to cut or to join, so that most charts are solved only once.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace planish {
 
 struct ChartEstimate {
   std::vector<HalfedgeHandle> outline;  // from FirstOnOutline() on
-  std::vector<Vec2> points;             // where each of these begins in the map
+  std::vector<Vec2> points;             // where each of these half-edges begins in the map
   double stretch = 1;                   // root mean square
   // Faces of the mesh at two places where the outline crosses itself, the farthest apart along it; -1: nowhere.
   std::int32_t face = -1, other_face = -1;
@@ -53,11 +53,12 @@ class ChartEstimates {
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
   // Whether there is an estimate of the chart, maybe an old one.
   bool has(std::int32_t chart) const { return chart < std::ssize(charts_) && !charts_[chart].outline.empty(); }
-  // Closes the gaps that charts without faces leave, as Segmentation::DropEmpty() does afterwards.
+  // Removes the estimates of charts without faces. Call this before Segmentation::DropEmpty(), which renumbers the
+  // charts in the same way.
   void DropEmpty();
-  // Where the vertices of the chart's mesh (ChartMesh()) are in the map, as its outline was last estimated. Vertices
-  // are placed one after the other from the outline inwards, each by the edge lengths of its triangles whose other two
-  // corners have been placed. Good enough to tell on which side of a chord a face lies. O(n).
+  // The positions of the vertices of the chart's mesh `disc` (ChartMesh()) in the map whose outline was last estimated.
+  // Vertices are placed one after the other from the outline inwards, each by the edge lengths of its triangles whose
+  // other two corners have been placed. Good enough to tell on which side of a chord a face lies. O(n).
   std::vector<Vec2> Positions(std::int32_t chart, const FlatMesh& disc) const;
 
  private:

@@ -63,7 +63,7 @@ void WarnOfOtherDensities(const Job& job, const Charts& charts, const Atlas& atl
   double least = 1, most = 1;
   for (const MappedChart& mapped : charts.charts) {
     const Chart& chart = mapped.chart;
-    if (charts.ReductionOf(chart.faces) < 1) continue;  // CHARTS_REDUCED
+    if (charts.ReductionOf(chart.faces) < 1) continue;  // the warning CHARTS_REDUCED names them
     const double told = ScaleOf(job, atlas, chart.faces.front()) * WeightOf(job.options, *charts.surface, chart);
     const double ratio = DensityOf(job, charts, chart, uv) / told;
     if (ratio == 0 || std::abs(ratio - 1) <= kSameDensity) continue;
@@ -88,7 +88,7 @@ void WarnOfOtherDensities(const Job& job, const Charts& charts, const Atlas& atl
                        std::move(faces)});
 }
 
-// Atlases that share one scale: each on its own if stacked, otherwise all together.
+// A group of atlases that share one scale: a single atlas if they are stacked, otherwise all atlases.
 struct OneScale {
   double scale = 1;
   std::map<std::int32_t, double> area;  // by atlas, drawn at scale 1
@@ -106,7 +106,8 @@ struct OneScale {
   }
 };
 
-// Calls body(group, polygon, area, length), both drawn at scale 1.
+// Calls body(group, polygon, atlas, area, length) for each polygon with a face that takes part (Surface::takes_part).
+// Area and length are as drawn at scale 1.
 template <typename Body>
 void ForEachPolygon(const Job& job, const Charts& charts, const Atlas& atlas, std::map<std::int32_t, OneScale>* groups,
                     const Body& body) {

@@ -27,7 +27,7 @@ struct Quality {
   double stretch_l2 = 1;
   double packing_efficiency = 0;
   double seam_length = 0;  // over the square root of the surface's area
-  // As SeamFigures (seam_figures.h).
+  // As in SeamFigures (seam_figures.h).
   double visible_seam_length = 0, seam_turn_deg = 0;
   std::optional<double> seam_symmetry = {};
 };

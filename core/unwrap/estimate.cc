@@ -10,28 +10,28 @@ namespace planish {
 namespace {
 
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 100,000
-// faces: more than was measured for 999 of 1,000, and at most three times that for 97 of 100.
+// faces: the estimate is more than was measured for 999 of 1,000 meshes, and at most three times as much for 97 of 100.
 constexpr double kFixedBytes = 7e6;        // half of it code and tables, in a process that has not touched them yet
-constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
-constexpr double kBytesPerFace = 1000;     // multigrid
-// In addition, bytes of a face in a chart, at most; and the additional bytes of a face with vertices of its own.
+constexpr double kBytesPerThread = 2.5e6;  // for each thread but the first: charts are solved side by side
+constexpr double kBytesPerFace = 1000;     // when solved with multigrid
+// Additional bytes: of a face in a chart, at most; of a face with vertices of its own.
 constexpr double kChartBytesPerFace = 390, kBytesPerPiece = 200;
-// With SeamPolicy::kAuto small meshes may fall apart. The first faces count for kFirstBytesPerFace more, up to
-// kFirstBytes in all. Each face adds kSmallBytesPerFace in a small mesh, less in a larger one, and nothing from
-// kSmallFaces on. The counts do not tell triangles on random vertices, which take most, from a closed surface. Of
+// With SeamPolicy::kAuto small meshes may fall apart into many charts. The first faces count for kFirstBytesPerFace
+// more, up to kFirstBytes in all. Each face adds kSmallBytesPerFace in a small mesh, less in a larger one, and nothing
+// from kSmallFaces on. The counts do not tell triangles on random vertices, which take most, from a closed surface. Of
 // 12,902 meshes of 36 families with 60 to 6,000 faces, and of 288 with 8,000 to 150,000, none takes more than the
 // estimate (0.98 of it at most); 0.5 % and 6 % take less than a third.
 constexpr double kFirstBytesPerFace = 2000, kFirstBytes = 0.8e6;
 constexpr double kSmallBytesPerFace = 300, kSmallFaces = 30'000;
-// With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
-// the first.
+// PackEffort::kBest rearranges up to PackTuning::most_to_rearrange charts. This takes kBestBytesPerFace per face, at
+// most kMostBestBytes. With any effort, the images of each tile beyond the first take kBytesPerTile.
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
 constexpr double kBytesPerTile = 0.25e6;
-// A Cholesky factorization instead: of meshes up to kReferenceFaces, and how that grows beyond. Measured: 1,310 bytes a
-// face of 50,000, 1,390 of 200,000.
+// With a Cholesky factorization instead of multigrid: bytes per face of meshes of up to kReferenceFaces, and the power
+// of the size with which this number grows beyond. Measured: 1,310 bytes a face of 50,000, 1,390 of 200,000.
 constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
-constexpr double kBytesPerByte = 2;  // encoded bytes, while they are decoded
-// The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
+constexpr double kBytesPerByte = 2;  // per encoded byte, while the mesh is decoded
+// A single triangle has three vertices: this many more than half a vertex per face, as closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
 
 constexpr double kSecondsPerByte = 1e-8;
@@ -48,9 +48,9 @@ constexpr double kMerge = 6.55e-6, kMergePower = 0.05;
 // kSmallSeamSearch more in meshes below kSmallSearchFaces, which have a larger share of their faces at seams and are
 // searched twice if they are symmetric. Measured with 646 meshes of 36 families with 60 to 6,000 faces.
 constexpr double kSeamSearch = 2, kSmallSeamSearch = 4, kSmallSearchFaces = 8000;
-// Pieces are solved whole, once or several times if they are cut. This is a middle value: among the shared meshes of
-// 200 faces or more, discs and spheres took 3e-6 to 9e-6 in all, most closed meshes 13e-6 to 60e-6, and nets of many
-// handles and needles up to 600e-6.
+// With SeamPolicy::kNeeded, seconds per face. Pieces are solved as a whole, and again each time they are cut. This is a
+// middle value: among the shared meshes of 200 faces or more, discs and spheres took 3e-6 to 9e-6 in all, most closed
+// meshes 13e-6 to 60e-6, and nets of many handles and needles up to 600e-6.
 constexpr double kNeeded = 10e-6;
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
@@ -75,7 +75,8 @@ double Pieces(double faces, double vertices) {
 // of charts is not known.
 constexpr double kFewCharts = 4;
 
-// `rest`: seconds for charts and their maps. One chart alone needs no packing. With kAuto there are mostly several.
+// Seconds for packing. `rest`: seconds for charts and their maps. A single chart needs no packing; with kAuto there are
+// usually several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
   const PackTuning& tuning = options.atlas.tuning;
   const double share = ShareOfRest(options.atlas.effort, tuning) * rest;
@@ -85,7 +86,7 @@ double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
   return std::max({share, kPackUnit * of_few, kPackUnit * tuning.least_per_chart * pieces});
 }
 
-// Beside what charts take.
+// Bytes for packing, beside those of the charts.
 double PackBytes(double faces, const PackOptions& options) {
   const double best = options.effort == PackEffort::kBest ? std::min(kMostBestBytes, kBestBytesPerFace * faces) : 0;
   return best + kBytesPerTile * (options.tiles - 1);
@@ -118,7 +119,7 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   const double factor_per_face = kFactorBytesPerFace * std::pow(std::max(1.0, f / kReferenceFaces), kFactorBytesPower);
   const double per_face = Factorizes(options.flatten) ? factor_per_face : kBytesPerFace;
   // Where multigrid fails on a chart, a factorization takes its place: one for each thread at a time. With kAuto that
-  // is rare, and few charts are as large as the mesh: such a job is run again with more.
+  // is rare, and few charts are as large as the mesh, so no memory is reserved: such a job is run again with more.
   const bool may_fall_back =
       options.seams.policy != SeamPolicy::kAuto && !Factorizes(options.flatten) && !IsSlow(options.flatten);
   const double fallback = may_fall_back ? (kFactorBytesPerFace - kBytesPerFace) *

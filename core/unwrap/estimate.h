@@ -1,4 +1,4 @@
-// What an unwrap will take, before there is a mesh: for admission and retry delays.
+// Estimates the memory and time of an unwrap before the mesh is decoded: for admission and retry delays.
 #pragma once
 
 #include <cstdint>

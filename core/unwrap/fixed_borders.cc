@@ -93,7 +93,7 @@ class BarycentricMap {
     }
   }
 
-  // Floater's tan(half of the angle at i) / length, from both sides of the edge from i to j.
+  // Adds Floater's mean value weights: tan(half of the angle at i) / length, from both sides of the edge from i to j.
   void AddMeanValueWeights() {
     double mean = 0;
     for (std::int32_t c = 0; c < disc_.num_corners(); ++c) {
@@ -113,7 +113,7 @@ class BarycentricMap {
     }
   }
 
-  // In an order that keeps U sparse (approximate minimum degree).
+  // Puts the rows in an order that keeps U sparse (approximate minimum degree).
   void OrderRows() {
     if (rows_ == 0) return;
     using Permutation = Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int>;
@@ -126,7 +126,7 @@ class BarycentricMap {
     }
   }
 
-  // Divides every row by its sum. `right`, unless null, gets the right-hand side.
+  // The matrix, with every row divided by the sum of its weights. `right`, unless null, gets the right-hand side.
   SparseElimination::Matrix Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
     std::vector<double> sum(rows_, 0);
     for (const Weight& w : weights_) sum[row_[w.from]] += w.weight * draws[w.to];
@@ -147,7 +147,7 @@ class BarycentricMap {
     return matrix;
   }
 
-  // Empty if the matrix is singular in double precision.
+  // The positions of all vertices; empty if the matrix is singular in double precision.
   std::vector<Vec2> Solve(const std::vector<double>& draws) {
     std::vector<Vec2> solution(rows_, Vec2::Zero());
     const SparseElimination::Matrix matrix = Matrix(draws, &solution);
@@ -175,12 +175,12 @@ class BarycentricMap {
   std::optional<SparseElimination> elimination_;  // created by the first solve
 };
 
-constexpr double kMostStretchOfAbf = 3;  // with a barrier
-// If another map has replaced ABF's, a barycentric one is tried if the stretch exceeds the first of these, and used if
-// it has less stretch by the second factor.
+constexpr double kMostStretchOfAbf = 3;  // of a map that a barrier keeps open
+// If another map has replaced ABF's, and its stretch exceeds kStretchToLower, a barycentric map is tried as well. It is
+// used if its stretch is less by the factor kWorthMeans.
 constexpr double kStretchToLower = 1.1, kWorthMeans = 1.05;
-// Relative to the slit map: a tube is better slit than flattened as a ring. With SeamPolicy::kKeep it stays a ring up
-// to kMuchStretch, beyond which there would be a warning.
+// Most stretch of a map with filled holes, relative to the slit map: a tube is better slit than flattened as a ring.
+// With SeamPolicy::kKeep a tube stays a ring up to kMuchStretch, beyond which there would be a warning.
 constexpr double kMostStretchForHoles = 1.1;
 // For more faces, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
 constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
@@ -219,7 +219,7 @@ struct Candidate {
   }
 };
 
-// The map of the chart by positions of its vertices. `summary` becomes the map's, with its energy.
+// The map of the chart with these positions of its vertices. The map gets `summary`, with the energy of the map.
 absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> positions, FlattenSummary summary) {
   const TargetAngles target = MakeTargetAngles(c.topology(), c.measured, c.execution);
   if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -234,7 +234,7 @@ absl::StatusOr<ChartMap> PlaceOwn(const Candidate& c, std::vector<Vec2> position
                     std::move(positions), c.execution);
 }
 
-// The same by positions of the filled chart's vertices.
+// PlaceOwn() with positions of the filled chart's vertices.
 absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
                                      FlattenSummary summary) {
   std::vector<Vec2> positions(c.topology().num_vertices);
@@ -297,20 +297,21 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
   return map;
 }
 
-// With a convex outline, which cannot overlap itself.
+// Maps the chart by ABF with a convex outline, which cannot overlap itself.
 absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
   PLANISH_ASSIGN_OR_RETURN(Flattening convex, FlattenWith(c.solve, BoundaryType::kConvex, c.work_left, c.mapped));
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
-// The maximal stretch of another map: if the current map is sound, lower than its stretch by the factor `better`.
+// The most stretch with which another map replaces the current one: if the current map is sound, its stretch divided by
+// `better`, otherwise kMostStretchForBorders.
 double MostStretch(const Candidate& c, double better) {
   const ChartFaults& present = c.mapped->faults;
   const bool is_sound = present.is_injective && present.stretch <= kMostStretchForBorders;
   return is_sound ? present.stretch / better : kMostStretchForBorders;
 }
 
-// The same for a map with filled holes, while the current map is slit.
+// MostStretch() for a map with filled holes, which replaces a map with slits.
 double MostStretchWithHoles(const Candidate& c) {
   const double most = MostStretch(c, 1 / kMostStretchForHoles);
   return c.job->options.seams.policy == SeamPolicy::kKeep ? std::max(most, kMuchStretch) : most;

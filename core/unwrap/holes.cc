@@ -60,7 +60,7 @@ class HoleSearch {
     ListEdges();
   }
 
-  // Half-edges, one for each edge of the slits; empty if some hole cannot be reached.
+  // Returns half-edges, one for each edge of the slits; empty if some hole cannot be reached.
   std::vector<std::int32_t> Run() {
     std::vector<std::int32_t> slits;
     Reach(piece_.outer);
@@ -108,7 +108,7 @@ class HoleSearch {
     }
   }
 
-  // The nearest vertex of a hole that has not been reached; -1 if all have been.
+  // The nearest vertex on a hole that is not reached yet; -1 if there is no path to one.
   std::int32_t NextOnAHole() {
     while (!queue_.empty()) {
       const auto [distance, v] = queue_.top();

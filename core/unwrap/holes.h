@@ -22,7 +22,7 @@ struct HoledPiece {
   std::int32_t outer = -1;  // the longest loop on the surface; the others are holes
 };
 
-// The piece that results from gluing the slits of a chart. Nothing if it has no holes, or is not planar: closed, or
+// The piece that results from gluing the slits of a chart. nullopt if it has no holes, or is not planar: closed, or
 // with a handle. O(n) in its faces.
 std::optional<HoledPiece> HoledPieceOf(const Mesh& mesh, const Chart& chart);
 
@@ -39,7 +39,7 @@ struct FilledChart {
   std::vector<std::int32_t> corner;  // per corner: the chart's corner, -1 for virtual faces
   std::vector<Vec3> places;          // per vertex: its position on the surface
 };
-// Nothing if the chart is not a HoledPiece, or a hole has fewer than three edges. O(n log n).
+// nullopt if the chart is not a HoledPiece, or if a loop has fewer than three edges. O(n log n).
 std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution);
 
 }  // namespace planish

@@ -41,7 +41,7 @@ struct Motion {
   }
 };
 
-// The best rigid motion from `from` to `to`; nothing if all points of either coincide.
+// The best rigid motion from `from` to `to`; nullopt if all points of either coincide.
 std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>& to) {
   const auto n = static_cast<double>(from.size());
   Vec2 centre_from = Vec2::Zero(), centre_to = Vec2::Zero();
@@ -208,7 +208,7 @@ class Joining {
     shape.may_join = maps_.IsSound(i);
   }
 
-  // The number of faces of two charts that are worth a try.
+  // The number of faces of the two charts; nullopt if the joint is not worth a try.
   std::optional<std::size_t> Consider(const Segmentation::Joint& joint) {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     if (!one.may_join || !other.may_join) return std::nullopt;
@@ -222,7 +222,7 @@ class Joining {
     return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
-  // Figures of the joined chart, estimated from the two maps; nothing if the joint must not be tried at any cost.
+  // Figures of the joined chart, estimated from the two maps; nullopt if the joint must not be tried.
   std::optional<Look> LookAt(const Segmentation::Joint& joint) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     double length = 0, mapped_length = 0;

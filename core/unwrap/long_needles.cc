@@ -13,7 +13,7 @@ namespace {
 
 // Texels across the outline of a thin chart, beside the padding.
 constexpr double kTexelsAcross = 2;
-constexpr int kMostRounds = 8;  // of the search
+constexpr int kMostRounds = 8;  // of the search for long needles
 
 double AreaOfOthers(const Mesh& mesh, const Polygons& polygons, const std::vector<char>& needles) {
   double area = 0;
@@ -30,8 +30,9 @@ double AreaOfOthers(const Mesh& mesh, const Polygons& polygons, const std::vecto
 std::vector<char> FindLongNeedles(const Mesh& mesh, const Polygons& polygons, const AtlasTuning& tuning) {
   std::vector<char> needles(mesh.faces.size(), 0);
   std::int64_t count = 0, before = -1;
-  // Without the longest needles the texture is smaller, so others become too long for it. If there are any, no face is
-  // drawn longer than ReduceLongNeedles() draws those.
+  // Without the longest needles the texture is smaller, so that others become too long for it, and the search is
+  // repeated. Once there are long needles, needles count as long from the length at which ReduceLongNeedles() draws
+  // them.
   for (int round = 0; round < kMostRounds && count > before; ++round) {
     before = count;
     const double longest =

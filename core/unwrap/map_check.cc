@@ -30,7 +30,7 @@ struct FaceSizes {
   bool HasStretch() const { return orientation != 0 && uv_area != 0 && surface_area > 0; }
 };
 
-// Over the angles of faces, degrees.
+// Errors of the angles of faces, degrees.
 struct AngleErrors {
   double sum = 0, angles = 0;
 
@@ -141,7 +141,7 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
-  // Faces with fewer than three different places join nothing.
+  // Finds the half-edges that the map joins. Faces with fewer than three different places join nothing.
   void JoinEdges() {
     const std::vector<std::int32_t>& place = topology_.place_of_corner;
     is_joined_.assign(place.size(), 0);
@@ -197,7 +197,7 @@ class MapJudge {
       own.Add(InMap(f).data(), OnSurface(f).data());
       all.Add(own);
       of_chart[topology_.chart_of_face[f]].Add(own);
-      // From the mean of the squared singular values of the inverse map, and from their product.
+      // The singular values of the inverse map, from the mean of their squares and from their product.
       const double mean = own.stretch / own.surface_area, product = own.surface_area / own.uv_area;
       const double larger = std::sqrt(mean + std::sqrt(std::max(0.0, (mean - product) * (mean + product))));
       const double smaller = product / larger;
@@ -269,7 +269,8 @@ class MapJudge {
 
   static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
-  // On the surface, to which faces without three different vertices do not belong.
+  // Whether two half-edges are on one edge of the surface, to which faces without three different vertices do not
+  // belong.
   bool OnOneEdge(std::int32_t c, std::int32_t d) const {
     const std::vector<Face>& faces = mesh_.faces;
     return HasThreeCorners(faces[c / 3]) && HasThreeCorners(faces[d / 3]) &&
@@ -302,7 +303,7 @@ class MapJudge {
                                       options_.min_padding * texel, kMaxSpacingTests, execution_);
     check_.spacing.nearest.distance /= texel;
     for (ChartPair& pair : check_.spacing.near) pair.distance /= texel;
-    // A chart that overlaps another one is not apart from it, however far from its outline.
+    // Charts that overlap have the distance 0, however far apart their outlines are.
     for (std::size_t i = 0; i + 1 < check_.overlapping_pairs.size(); i += 2) {
       const auto [a, b] = std::minmax(topology_.chart_of_face[check_.overlapping_pairs[i]],
                                       topology_.chart_of_face[check_.overlapping_pairs[i + 1]]);

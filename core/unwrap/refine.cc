@@ -21,11 +21,11 @@
 namespace planish {
 namespace {
 
-// Calls of WidenCharts() that charts may have which have been cut apart because of faces that did not hold.
+// WidenCharts() calls that are left, at least, after charts were cut because some faces collapsed even when widened.
 constexpr int kWideningsOfParts = 4;
 
-// Per face of a chart, which are these faces of the surface: the number of its group, the faces that it must not be
-// parted from.
+// Per face of a chart with these faces of the surface: the number of its group. The faces of a group must stay
+// together.
 std::vector<std::int32_t> UncutGroups(const Surface& surface, const std::vector<std::int32_t>& opposite,
                                       const std::vector<std::int32_t>& faces, std::int32_t* count) {
   return ConnectedPieces(static_cast<std::int32_t>(faces.size()), count, [&](std::int32_t f, int k) {
@@ -34,7 +34,7 @@ std::vector<std::int32_t> UncutGroups(const Surface& surface, const std::vector<
   });
 }
 
-// `part`, per face of the chart, in the order of the segmentation.
+// Reorders `part`, which has a value per face of `chart`, to the order of the faces in the segmentation.
 std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32_t number, const Chart& chart,
                                     const std::vector<std::int32_t>& part) {
   const std::vector<std::int32_t>& faces = segmentation.charts()[number];
@@ -45,7 +45,7 @@ std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32
   return ordered;
 }
 
-// Per face of a disc: the middle of all faces that it must not be parted from, itself included.
+// Per face of a disc: the mean of the centres of all faces in its group (UncutGroups()).
 std::vector<Vec2> Middles(const FlatMesh& disc, const std::vector<std::int32_t>& group, std::int32_t groups,
                           const std::vector<Vec2>& positions) {
   std::vector<Vec2> sum(groups, Vec2::Zero());
@@ -60,7 +60,8 @@ std::vector<Vec2> Middles(const FlatMesh& disc, const std::vector<std::int32_t>&
   return middle;
 }
 
-// Pieces of faces between which no step from middle to middle crosses a chord, numbered by their lowest faces.
+// Cuts a disc along chords: per face, the number of its piece. Neighbours are in one piece if the segment between their
+// middles crosses no chord. Pieces are numbered by their lowest faces.
 std::vector<std::int32_t> Pieces(const FlatMesh& disc, const std::vector<Vec2>& middle,
                                  const std::vector<std::pair<Vec2, Vec2>>& chords, std::int32_t* count) {
   const auto corners = static_cast<std::int32_t>(disc.opposite.size());
@@ -80,7 +81,7 @@ std::vector<std::int32_t> Pieces(const FlatMesh& disc, const std::vector<Vec2>& 
   });
 }
 
-// All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
+// Merges all but the `most` largest pieces into the neighbour with the longest common border, the smallest piece first.
 void MergeCrumbs(const FlatMesh& disc, const std::vector<Vec2>& positions, std::size_t most, std::int32_t count,
                  std::vector<std::int32_t>* piece) {
   std::vector<double> area(count, 0);
@@ -94,7 +95,7 @@ void MergeCrumbs(const FlatMesh& disc, const std::vector<Vec2>& positions, std::
     for (std::int32_t c = 0; c < std::ssize(disc.opposite); ++c) {
       const std::int32_t o = disc.opposite[c];
       if ((*piece)[c / 3] != order[i] || o < 0 || (*piece)[o / 3] == order[i]) continue;
-      // More than nothing, as neighbours may be where all ends of edges coincide.
+      // Adds a tiny length, so that a neighbour counts even if all common edges have length 0 in the map.
       const Vec2 edge = positions[Target(disc.faces, c)] - positions[Origin(disc.faces, c)];
       border[(*piece)[o / 3]] += edge.norm() + std::numeric_limits<double>::min();
     }
@@ -114,8 +115,8 @@ std::vector<std::int32_t> PartAlong(const std::vector<std::pair<Vec2, Vec2>>& ch
   return piece;
 }
 
-// Per face, in the order of the segmentation: a part for each face that is flipped or collapsed as delivered, with what
-// it must not be parted from, and one for each connected piece of the others. Empty if that makes no two parts.
+// Per face, in the order of the segmentation: its part. Each face that is flipped or collapsed as delivered becomes a
+// part together with its group, and so does each connected piece of the other faces. Empty if that makes only one part.
 std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, const CornerUv& uv) {
   const Chart& chart = charts.charts[number].chart;
   const Topology& topology = *chart.topology;
@@ -232,11 +233,11 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   const ChartMap& map = mapped.map;
   const ChartFaults& faults = mapped.faults;
   const absl::Status& status = mapped.status;
-  // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
-  // collapse where the chart goes.
+  // After a stop request a chart is cut only if it must be. With a barrier, triangles may be so small that rounding
+  // collapses them where the chart is placed.
   if (job.execution.IsStopRequested()) return !status.ok() || !faults.is_injective || map.flatten->barrier > 0;
   const SeamOptions& seams = job.options.seams;
-  // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
+  // Where seams are given, a barrier alone is no reason for another seam.
   const bool is_sound =
       status.ok() && map.flatten->converged &&
       (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
@@ -312,7 +313,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
     if (!job->may_split() || mapped.chart.faces.size() < 2 || !IsToSplit(*job, *charts, mapped)) continue;
     Segmentation::Cut cut = {i, mapped.faults.face, mapped.faults.other_face};
     if (IsOnePolygon(*job, mapped.chart)) {
-      // Nothing but an overlap is worth tearing it for.
+      // A polygon is torn only if its map overlaps itself, or if its solve failed.
       if (mapped.status.ok() && mapped.faults.is_injective) continue;
       cut.part = Indices(mapped.chart.faces.size());
     }
@@ -346,7 +347,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
     if (is_faulty) cuts.push_back(std::move(cut));
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
-  // New charts may be widened once more.
+  // Leaves some calls of WidenCharts() for the new charts.
   if (goes_on) charts->widenings = std::min(charts->widenings, kMostWidenings - kWideningsOfParts);
   return goes_on;
 }

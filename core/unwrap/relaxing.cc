@@ -49,7 +49,7 @@ class Relaxation {
     }
   }
 
-  // Positions per vertex of the topology.
+  // Returns a position for each vertex of the chart's topology.
   std::vector<Vec2> Run() {
     if (!terms_.empty() && Factorize()) Descend();
     std::vector<Vec2> positions;
@@ -225,7 +225,7 @@ class Relaxation {
     return overlaps;
   }
 
-  // Takes a step. Returns whether there was one.
+  // Takes a step, or fixes the vertices of triangles that keep overlapping. False if it did neither.
   bool Advance(const std::vector<Vec2>& direction, double slope, double* energy, std::vector<Vec2>* gradient) {
     constexpr double kArmijo = 1e-4, kWayToCollapse = 0.8;
     double length = std::min(1.0, kWayToCollapse * MostStep(direction));
@@ -242,7 +242,7 @@ class Relaxation {
           for (const std::int32_t v : faces_[f]) stays_[v] = 1;
         }
         memory_.clear();
-        return true;  // in another direction
+        return true;  // goes on in another direction
       }
       const double next = Energy(x, &next_gradient);
       Change change = {std::vector<Vec2>(count_), std::vector<Vec2>(count_), 0};

@@ -15,8 +15,8 @@ namespace planish {
 
 class Reordering {
  public:
-  // Nothing if the mesh will be refused, for a position that is not finite or a vertex that does not exist, and after a
-  // cancellation. O(F).
+  // The new order of a mesh. nullopt if the mesh will be refused (a position is not finite, or a vertex does not
+  // exist), or after a cancellation. O(F).
   static std::optional<Reordering> Of(const Mesh& mesh, const Execution& execution);
 
   // The caller's mesh and options in the new order.

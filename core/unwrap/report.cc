@@ -185,7 +185,7 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
       return std::max<std::int64_t>(faults.flipped + faults.degenerate - exact.flipped - exact.degenerate, 0);
     };
     if (job->options.pack && lost(after) > 0) {
-      // Floats keep more near v = 0 where 1 - v need not be one.
+      // Near v = 0 floats are finer if 1 - v need not be a float, too.
       CornerUv finer = RoundToFloat(uv, false, job->execution);
       OrientationFaults of_finer = CheckOrientations(finer, job->execution, charts.ignored);
       if (lost(of_finer) < lost(after)) {
@@ -253,7 +253,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const MappedChart& mapped : charts.charts) {
     for (const std::int32_t f : mapped.chart.faces) {
       const bool is_widened = !charts.least_angle.empty() && charts.least_angle[f] > 0;
-      // If the scale varies much, as it may with fewer seams, faces of any shape become small.
+      // With other policies the scale may vary so much that faces of any shape become small: IsThin() says
+      // nothing then.
       const bool may_be_thin = job->options.seams.policy == SeamPolicy::kAuto && !charts.is_ignored(f);
       if (is_widened ||
           (may_be_thin && IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f))) {
@@ -267,7 +268,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   result.texture_size = atlas.texture_size;
   result.padding = atlas.padding;
   if (job->options.pack) result.texels_per_unit = atlas.scale * atlas.texture_size;
-  // A single chart may be enlarged.
+  // Atlas::scale does not include the enlargement of a single chart.
   if (!job->packs()) result.texels_per_unit *= charts.charts.front().chart.enlargement;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
@@ -301,7 +302,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   result.quality.flipped = delivery.orientation.flipped;
   result.quality.degenerate = delivery.orientation.degenerate;
   result.quality.overlapping = delivery.overlaps.pairs;
-  // Faces without area count in only one of the energies, and widened ones keep other angles.
+  // Energies before and after rounding are comparable only without such faces: those without area count in only one of
+  // the energies, and widened ones keep other angles.
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;

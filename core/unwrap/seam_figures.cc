@@ -62,8 +62,8 @@ class MirrorSearch {
   }
 
  private:
-  static constexpr double kNear = 1e-3;          // of the diagonal
-  static constexpr double kLeastMatched = 0.95;  // of the vertices
+  static constexpr double kNear = 1e-3;          // in diagonals of the bounding box
+  static constexpr double kLeastMatched = 0.95;  // share of the vertices
   static constexpr double kShareInScore = 1e-3;
   static constexpr std::size_t kMostLookedAt = 20'000;
   static constexpr std::int64_t kMostTests = 20'000'000;

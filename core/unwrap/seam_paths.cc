@@ -94,7 +94,7 @@ void SeamRouter::MarkEnds(std::span<const HalfedgeHandle> path, double reach) {
   const HalfedgeHandle first_across = mesh.opposite_halfedge_handle(first);
   const HalfedgeHandle last_across = mesh.opposite_halfedge_handle(last);
   std::vector<VertexHandle> of_start = {mesh.from_vertex_handle(first)}, of_end = {mesh.to_vertex_handle(last)};
-  // Along the outline of one of the charts, away from the path.
+  // Adds the vertices within `reach` along the outline of one of the charts, away from the path.
   const auto walk = [&](HalfedgeHandle h, bool forwards, std::vector<VertexHandle>* found) {
     double left = reach;
     for (;;) {
@@ -110,7 +110,7 @@ void SeamRouter::MarkEnds(std::span<const HalfedgeHandle> path, double reach) {
     walk(last, true, &of_end);
     walk(last_across, false, &of_end);
   }
-  // What both could slide to belongs to neither.
+  // Vertices to which both ends could slide are left out.
   const std::vector<VertexHandle> own_start = {of_start[0]}, own_end = {of_end[0]};
   const auto has = [](const std::vector<VertexHandle>& in, VertexHandle v) {
     return std::find(in.begin(), in.end(), v) != in.end();
@@ -127,7 +127,7 @@ void SeamRouter::MarkEnds(std::span<const HalfedgeHandle> path, double reach) {
   }
 }
 
-// Vertices near the path, as far as one comes through the two charts.
+// Marks the vertices near the path that can be reached through the two charts.
 void SeamRouter::MarkBand(std::span<const HalfedgeHandle> path) {
   const Gluing& gluing = segmentation_.gluing();
   const TriMesh& mesh = gluing.mesh();
@@ -215,7 +215,7 @@ std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const H
   std::vector<HalfedgeHandle> way;
   for (HalfedgeHandle h = best; h.is_valid(); h = before_[h.idx()]) way.push_back(h);
   std::reverse(way.begin(), way.end());
-  // A way that takes turns into account may come to a vertex twice.
+  // Since turns have a cost, the cheapest way may visit a vertex twice. Such a way is not used.
   std::vector<int> vertices;
   for (const HalfedgeHandle h : way) vertices.push_back(mesh.to_vertex_handle(h).idx());
   if (!way.empty()) vertices.push_back(mesh.from_vertex_handle(way.front()).idx());

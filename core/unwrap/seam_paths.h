@@ -1,4 +1,4 @@
-// Seams as paths over a surface, and cheaper ways for them.
+// Seams as paths over a surface, and the search for cheaper paths.
 #pragma once
 
 #include <cstdint>
@@ -19,21 +19,21 @@ struct SeamPath {
   bool slides = true;    // both ends may be moved along other seams
 };
 
-// Every edge between two charts, or of a slit, is in one path. By the lowest edge of each.
+// All seams. Every edge between two charts, or of a slit, is in one path. Paths are in the order of their lowest edges.
 std::vector<SeamPath> SeamPaths(const Segmentation& segmentation);
 
 // Whether these half-edges still are a path.
 bool IsPath(const Gluing& gluing, std::span<const HalfedgeHandle> path);
 
-// Not thread-safe.
+// Finds cheaper ways for seams. Not thread-safe.
 class SeamRouter {
  public:
-  // All must outlive this.
+  // All arguments must outlive this.
   SeamRouter(const Segmentation& segmentation, const SeamCost& cost, const AtlasTuning& tuning);
 
   // The cheapest way (SeamCost::OfPath()) between the two ends of a path, or of part of one, through the two charts
-  // beside it; none if that is no cheaper. It keeps near to the path (AtlasTuning::seam_band). If it `slides`, its ends
-  // may move along the outline of the two charts.
+  // beside it; nullopt if it is no cheaper than the path. The way stays near the path (AtlasTuning::seam_band). If it
+  // `slides`, its ends may move along the outlines of the two charts.
   std::optional<std::vector<HalfedgeHandle>> Reroute(std::span<const HalfedgeHandle> path, bool slides);
 
  private:
@@ -47,7 +47,8 @@ class SeamRouter {
   const Segmentation& segmentation_;
   const SeamCost& cost_;
   const AtlasTuning& tuning_;
-  // Per vertex, all kNone or -1 between calls, but for those in touched_.
+  // Per vertex: its role, and its number of edges from the path. kNone and -1 except in touched_, which is empty
+  // between calls.
   std::vector<Role> role_;
   std::vector<std::int32_t> ring_;
   std::vector<VertexHandle> touched_, starts_;

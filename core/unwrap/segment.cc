@@ -28,7 +28,7 @@
 namespace planish {
 namespace {
 
-// With SeamPolicy::kKeep every piece must be part of a plane, with holes or without.
+// For SeamPolicy::kKeep: PIECE_NOT_A_DISC unless every piece is a disc, or a planar piece with holes.
 absl::Status CheckPieces(const Mesh& mesh, const Charts& charts) {
   std::vector<std::int32_t> first_faces;
   for (const MappedChart& mapped : charts.charts) {
@@ -59,7 +59,7 @@ std::vector<std::int32_t> PartOfFaces(const UnwrapOptions& options) {
   return part;
 }
 
-// The area of the surface as the texture sees it, in units of what has the least weight.
+// The area of the surface, each face scaled by its weight over the least weight.
 double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
   double area = 0;
   const double least = weights.empty() ? 1 : *std::min_element(weights.begin(), weights.end());
@@ -70,8 +70,8 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
   return area;
 }
 
-// What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
-// tiles, and the last digit is worth most at the far end of a row of them: `last_digit` is that of numbers from 1/2
+// The approximate rounding unit of UV in the allowed tiles, in units of the surface. Charts are assumed to fill a part
+// of the tiles. The unit is largest at the far end of a row of tiles; `last_digit` is the unit of numbers from 1/2
 // to 1.
 double Resolution(const UnwrapOptions& options, double area, double last_digit) {
   constexpr double kFilled = 0.5;
@@ -84,7 +84,7 @@ double Resolution(const UnwrapOptions& options, double area, double last_digit) 
   return last_digit * std::bit_ceil(columns) * std::sqrt(area / (kFilled * tiles));
 }
 
-// Whether a face is thinner in the map than half of what places are rounded to, so that this type cannot hold it.
+// Whether some face is thinner in the map than half of the rounding unit, so that the type cannot hold it.
 bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
   const Surface& surface = *charts.surface;
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
@@ -96,15 +96,16 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
   return false;
 }
 
-// What part of the stage is done once there are a surface, charts, and charts that are cut by estimates.
+// The fraction of the stage that is done after MakeSurface(), the segmentation, ImproveSeams() and RefineEstimated().
 constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.85, kRefineShare = 0.92;
 
-// Where less of the surface has a mirror image, and on small surfaces, charts are also made without symmetry. Both
-// sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost without symmetry.
+// If less of the surface than kMostlyMirrored has a mirror image, or if the surface is small, charts are also made
+// without symmetry. Both sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost
+// without symmetry.
 constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5;
 constexpr std::int32_t kSmall = 2'000;  // faces: the second search takes little time
 
-// Where charts end at edges of more than two faces, they go on in other charts there.
+// Where charts end at edges of more than two faces, joins other pairs of faces, and merges charts across them.
 void RejoinCharts(const Job& job, Charts* charts) {
   if (job.execution.IsCancelled() || job.execution.IsStopRequested()) return;
   const Segmentation& before = *charts->segmentation;
@@ -117,8 +118,8 @@ void RejoinCharts(const Job& job, Charts* charts) {
   charts->surface = std::move(surface);
 }
 
-// Of a slit along the edge that this corner faces: its length; less where the surface bends, since a seam is hidden
-// there. Infinite inside of a polygon.
+// The cost of a slit along the edge that this corner faces: its length, reduced where the surface bends, since that
+// hides a seam. Infinite inside a polygon.
 double SlitCost(const Surface& surface, std::int32_t corner) {
   constexpr double kSharpCost = 0.1;  // where it bends by a right angle or more
   const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, corner);

@@ -171,7 +171,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   const auto size = [&](std::int32_t i) { return charts->charts[i].chart.faces.size(); };
   std::stable_sort(todo.begin(), todo.end(), [&](std::int32_t i, std::int32_t j) { return size(i) > size(j); });
   const WorkLimits limits = WorkLimitsFor(*job, *charts, todo);
-  // The solve reports itself, with its first residual.
+  // The solve itself reports the new stage, with its first residual.
   job->progress.stage = UnwrapStage::kSolve;
   job->progress.stage_fraction = 0;
   job->progress.chart_count = charts->count();

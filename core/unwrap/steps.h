@@ -5,15 +5,15 @@
 //     ImproveSeams()        estimates of maps -> discs that are glued, and borders that are moved
 //     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
 //     JoinEstimated()       estimates of maps -> discs that are joined
-//   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
-//     MapWithFixedBorders() one of them       -> another map, where no seam may be added and the first is no use
-//   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
-//   JoinCharts()            all of them       -> fewer charts, solved
-//   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
-//   Deliver()               UV                -> Delivery: the same as delivered, and faces that are turned over
-//     ShakeCharts()         draft's Delivery  -> the same with charts turned to where faces collapse
-//     NudgeCharts()         Delivery          -> the same with charts moved by a hair, where that helps
-//     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
+//   SolveCharts()           some charts       -> angles (ABF), positions in the plane, and the faults of these maps
+//     MapWithFixedBorders() one chart         -> another map, if no seam may be added and the first map is unusable
+//   Refine()                all charts        -> charts that were cut once more, for SolveCharts()
+//   JoinCharts()            all charts        -> fewer charts, solved
+//   PackCharts()            all charts        -> Atlas: UV of every corner of the mesh
+//   Deliver()               UV                -> Delivery: the UV in the type for delivery, and flipped faces
+//     ShakeCharts()         a draft's UV      -> the UV with charts rotated so that faces collapse, if any can
+//     NudgeCharts()         Delivery          -> the UV with charts moved slightly, if that removes faults
+//     WidenCharts()         charts, faults    -> charts with faces too thin for the type, for SolveCharts()
 //     FindOverlaps()        Delivery          -> faces that overlap
 //     RefineDelivered()     charts, faults    -> the charts at fault as delivered, cut, for SolveCharts()
 //   Report()                all of that       -> UnwrapResult
@@ -69,7 +69,7 @@ struct MappedChart {
   bool is_worth_cutting = false;
   std::unique_ptr<Flattening> flattening;  // from solve to layout; null for a triangle as measured
   ChartMap map;
-  ChartFaults faults;   // of the map; not computed where no seam may be added
+  ChartFaults faults;   // of the map; not computed with SeamPolicy::kNone, unless the solve was stopped
   double work = 0;      // FlattenWork::work of all solves of the last SolveCharts()
   absl::Status status;  // of solve and layout
 
@@ -79,7 +79,7 @@ struct MappedChart {
 
 // The data passed between the steps. Several steps read each member.
 struct Charts {
-  // Both null for SeamPolicy::kNone: the mesh is a disc, and only its one chart is kept.
+  // The surface and its segmentation. Null for SeamPolicy::kNone: the mesh is a disc, and only its one chart is kept.
   std::unique_ptr<const Surface> surface;
   std::optional<Segmentation> segmentation;
   // Per chart of the segmentation: its mirror image, maybe the chart itself; -1 without an image. Empty if no chart has
@@ -93,23 +93,23 @@ struct Charts {
   // atlas. The square root of the area is a length to compare the lengths of charts with.
   struct AtlasSize {
     double area = 0;     // as drawn
-    double longest = 0;  // polygon, as drawn: which sets the scale if it is longer than the texture
+    double longest = 0;  // length of the longest polygon, as drawn; sets the scale if longer than the texture
   };
   std::map<std::int32_t, AtlasSize> atlas_size;
   // Approximate rounding unit of UV, in the units of the surface: `resolution` for float, or for double if double is
   // certain; `grain` for the last type that is tried, for which faces are widened.
   double resolution = 0, grain = 0;
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
-  std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
+  std::vector<double> reduction;    // per face: the scale of a long needle (long_needles.h), else 1; empty: all 1
   std::vector<std::int32_t> place;  // per face: its number in the chart that it was last extracted with
   double work = 0;                  // work of all solves so far, each weighted by the faces of its chart
   // With SeamPolicy::kNeeded: charts that were cut because their solves took too much work.
   std::int64_t given_up = 0;
   int widenings = 0;               // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;  // a vector would move many large charts when charts are added
-  // Whether slits were moved from the edges of the segmentation to short paths; with given seams.
+  // Whether slits are moved from the edges of the segmentation to short paths: with SeamPolicy::kKeep and kNeeded.
   bool slits_are_moved = false;
-  bool are_joined = false;  // charts that are no worse together have been joined (JoinCharts)
+  bool are_joined = false;  // JoinCharts() has been called
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
@@ -144,7 +144,8 @@ struct WorkLimits {
 // The limits of the next SolveCharts(), for these charts.
 WorkLimits WorkLimitsFor(const Job& job, const Charts& charts, const std::vector<std::int32_t>& todo);
 
-// How one chart is solved for and, if `reports`, reported to the caller, on whose thread it runs then.
+// The arguments of the solve of one chart. If `reports`, the solve runs on the caller's thread and reports its
+// progress.
 struct ChartSolve {
   Job* job;
   const Charts& charts;
@@ -154,7 +155,8 @@ struct ChartSolve {
   bool reports;
 };
 
-// ABF of one chart; adds to its `work`. The control for such a solve of another topology of it.
+// Solves one chart by ABF, and adds to its `work`. ControlOf() makes the control for that, and for solves of the chart
+// with another topology.
 absl::StatusOr<Flattening> FlattenWith(const ChartSolve& solve, BoundaryType boundary, std::int64_t most_work,
                                        MappedChart* mapped);
 FlattenControl ControlOf(const ChartSolve& solve);
@@ -162,8 +164,8 @@ FlattenControl ControlOf(const ChartSolve& solve);
 // Limit of the root mean square stretch of a map that keeps the given borders.
 inline constexpr double kMostStretchForBorders = 100;
 
-// Where the map of a chart overlaps itself, needs a slit, or is stretched beyond use by a barrier: takes the first of a
-// list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
+// If the map of a chart overlaps itself, needs a slit, or is stretched beyond use by a barrier, replaces it by the
+// first of a list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
 void MapWithFixedBorders(const ChartSolve& solve, MappedChart* mapped);
 
 // Cuts charts in `todo`, which were solved last, if their maps are unusable. Returns whether it cut any; `todo` then
@@ -188,7 +190,7 @@ absl::StatusOr<double> ImproveSeams(Job* job, const SeamCost& cost, const Execut
 // which `charts->surface` was made.
 absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
 
-// The areas that charts are compared with: sets `drawn_area` and `atlas_size`.
+// Measures the areas with which charts are compared: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);
 
 // Tuning of the first merging of charts, and its limit of stretch; ImproveSeams() continues from its result.
@@ -198,21 +200,21 @@ double FirstStretch(const UnwrapOptions& options);
 // Whether the map of a chart is unusable and the chart must be cut. Only charts of two faces or more can be cut.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
 
-// The same of an estimate of chart i of the segmentation.
+// Whether the estimated map of chart i of the segmentation is unusable and the chart must be cut.
 bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate);
 
-// The numbers of the tuning for the effort with which the job packs.
+// The tuning of cuts for the job's PackEffort.
 const PackerCuts& PackerCutsFor(const UnwrapOptions& options);
 
 // The gain that a cut at a neck must have for the packer.
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 
-// Makes one chart of two wherever its map is sound and the packer loses less than a cut there would have to gain:
-// charts that cuts have left small find a place elsewhere. With SeamPolicy::kAuto; charts that are stretched across or
-// drawn larger or smaller than others stay. Work is bounded by a share of the faces (AtlasTuning). After a stop request
-// all charts stay. CANCELLED after a cancellation.
+// Joins two charts wherever the map of the joined chart is sound and the packer loses less area than a cut there would
+// have to save. So charts that cuts have left small get other neighbours. Only with SeamPolicy::kAuto. Charts with
+// widened faces, and charts that are drawn larger or smaller than others, are not joined. Work is bounded by a share of
+// the faces (AtlasTuning). After a stop request all charts stay. CANCELLED after a cancellation.
 absl::Status JoinCharts(Job* job, Charts* charts);
-// The same by estimates, before any chart is solved for.
+// Joins charts like JoinCharts(), but by estimates of their maps, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
 // The number of the atlas of a face and its chart.
@@ -221,7 +223,7 @@ std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
 // The mean of UnwrapOptions::face_weights over a chart, by area; the plain mean if its faces have no area.
 double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart);
 
-// Where the charts go.
+// The result of packing.
 struct Atlas {
   CornerUv uv;  // as packed, before rounding
   int tiles = 1;
@@ -231,21 +233,22 @@ struct Atlas {
   std::map<std::int32_t, AtlasReport> atlases;  // by AtlasReport::atlas; faces and efficiency are not set
 };
 
-// Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,
-// without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
-// to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
-// (Surface::takes_part) get the UV of an edge of their atlas they lie on, or else of a vertex, or else of a tile's
-// corner. With UnwrapOptions::texels_per_unit charts have that density; OPTIONS_INVALID where the texture, or the
-// largest, has no room for it. `is_draft`: for a look at what rounding does to each chart. If there is a packing
-// `before`, charts that were solved since lie in one place, at its scale; otherwise all are packed with the fewest
-// trials. CANCELLED after a cancellation.
+// Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone is scaled to fit the unit square, without
+// padding: it has no neighbours, and scales that vary over many orders of magnitude survive rounding best next to 0.
+// Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
+// (Surface::takes_part) get the UV of one of their edges in a chart of their atlas, or else of one of their vertices,
+// or else of a tile's corner. With UnwrapOptions::texels_per_unit charts have that density. OPTIONS_INVALID: the
+// texture (with finds_texture_size, the largest) has no room for that density. `is_draft`: the placement only serves to
+// find out what rounding does to each chart. In a draft after a packing `before`, charts that were solved since are put
+// in one place at its scale; in a draft without one, all charts are packed with the fewest trials. CANCELLED after a
+// cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, const Atlas* before, bool is_draft, Charts* charts);
 
 // Writes the UV of the chart's corners, rounded to this type, as the map has been placed.
 void WriteUv(const MappedChart& mapped, Precision precision, const Execution& execution, CornerUv* uv);
 
-// A chart that is stretched beyond this times SeamOptions::max_stretch as delivered is cut, or a warning names it:
-// rounding to float adds less.
+// A chart whose stretch as delivered exceeds this times SeamOptions::max_stretch is cut, or a warning names it.
+// Rounding to float alone adds less.
 inline constexpr double kStretchTolerance = 1.001;
 
 // The UV in the type in which they are delivered, and their faults.
@@ -274,20 +277,20 @@ absl::Status FindOverlaps(Job* job, const Charts& charts, bool is_draft, Deliver
 // delivered. Later steps widen these faces, or cut the charts, as if the packer had chosen that angle.
 void ShakeCharts(const Job& job, Charts* charts, Delivery* delivery);
 
-// Moves charts, by kFreeMove at most, in which as delivered a few faces are collapsed or turned over or, once
-// FindOverlaps() has looked for them, triangles overlap, wherever that helps. Returns whether it did for any; overlaps
-// are to be looked for again then.
+// Moves charts by at most kFreeMove if, as delivered, a few of their faces are collapsed or flipped or (after
+// FindOverlaps()) overlap, and if the move removes the fault. Returns whether any chart was moved; FindOverlaps() must
+// then be called again.
 bool NudgeCharts(const Job& job, Charts* charts, Delivery* delivery);
 
-// Widens the faces that are collapsed or turned over as delivered (widening.h); `todo` has then their charts. Returns
-// whether there were any that are thin, at most kMostWidenings times for a job.
+// Widens thin faces that are collapsed or flipped as delivered (widening.h), and sets `todo` to their charts. Returns
+// whether there are such charts; false after kMostWidenings such calls in a job.
 bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::vector<std::int32_t>* todo,
                  Charts* charts);
 
-// Cuts the charts that overlap themselves as delivered, which those do whose outlines touch themselves when rounding
-// moves them, and charts stretched beyond kStretchTolerance times the limit, by rounding or because faces too thin for
-// the type are no longer counted. Parts faces from charts that are still flipped or collapsed, where widening has not
-// helped. Like Refine().
+// Cuts charts that overlap themselves as delivered, as rounding can make an outline do that touches itself. Cuts charts
+// that are stretched beyond kStretchTolerance times the limit as delivered, by rounding, or because faces too thin for
+// the type do not count there. Separates faces from their charts that are still flipped or collapsed because widening
+// has not helped. Returns the same as Refine().
 absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Delivery& delivery,
                                      std::vector<std::int32_t>* todo, Charts* charts);
 
@@ -297,54 +300,58 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
 
 // ---- What callers are told about a result, in words and as data (warnings.cc). Messages count polygons, since these
 // are the caller's faces; "count" in the metadata counts triangles, and UnwrapWarning::faces has their numbers.
+// Each function adds only the warnings that apply.
 
-// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
+// Adds FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
 void WarnOfSurface(const Surface& surface, const Polygons& polygons, const std::vector<char>& ignored,
                    std::vector<UnwrapWarning>* warnings);
 
-// FACES_WIDENED: `widened` are all such faces, ascending.
+// Adds FACES_WIDENED. `widened`: all such faces, ascending.
 void WarnOfWidened(const std::vector<std::int32_t>& widened, const Polygons& polygons, Precision precision,
                    std::vector<UnwrapWarning>* warnings);
 
-// POLYGON_TORN, with the first face of each such polygon.
+// Adds POLYGON_TORN. `first_faces`: the first face of each such polygon.
 void WarnOfTornPolygons(const std::vector<std::int32_t>& first_faces, std::vector<UnwrapWarning>* warnings);
 
-// Seams beside the given ones.
+// Counts of seams that were added to the given ones.
 struct AddedSeams {
   std::int64_t with_holes = 0;           // charts with holes that were slit open
-  std::int64_t others = 0;               // the same of charts that are closed or have handles
-  std::int64_t slit_edges = 0;           // of the slits of all of these
+  std::int64_t others = 0;               // charts that are closed or have handles, and were slit open
+  std::int64_t slit_edges = 0;           // edges of the slits of all these charts
   std::int64_t split = 0;                // charts that came from splitting others
-  std::int64_t given_up = 0;             // of these others: because of the work that their solves took
+  std::int64_t given_up = 0;             // charts that were split because their solves took too much work
   std::vector<std::int32_t> faces = {};  // one on each slit edge
 };
-// With SeamPolicy::kKeep and kNeeded. `first_count`: charts before any was split.
+// Counts the added seams; only for SeamPolicy::kKeep and kNeeded. `first_count`: the number of charts before any was
+// split.
 AddedSeams FindAddedSeams(const Mesh& mesh, const Charts& charts, std::int32_t first_count);
 
-// SEAMS_ADDED.
+// Adds SEAMS_ADDED.
 void WarnOfAddedSeams(const AddedSeams& added, SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
-// NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP,
-// STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been
-// left without the cuts that they need.
+// Adds NOT_CONVERGED, PRECONDITIONER_CHANGED, LINEAR_SOLVES_FAILED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT,
+// BARYCENTRIC_MAP, STRETCH_ABOVE_LIMIT: one warning for all charts concerned. `max_stretch` 0: no limit. `stopped`:
+// charts may have been left without the cuts that they need.
 void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
                   std::vector<UnwrapWarning>* warnings);
 
-// STRETCH_HIGH: charts that are stretched beyond this where the caller's seams decide, not SeamOptions::max_stretch.
+// STRETCH_HIGH names charts that are stretched more than this, if the caller's seams decide and not
+// SeamOptions::max_stretch.
 inline constexpr double kMuchStretch = 2;
-// `stretch` per chart; `worst_face` its most stretched face.
+// Adds STRETCH_HIGH. Per chart: its stretch, and its most stretched face.
 void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std::int32_t>& worst_face,
                        SeamPolicy policy, std::vector<UnwrapWarning>* warnings);
 
-// DENSITY_VARIES: charts that have another texel density in `uv`, the UV as delivered, than AtlasReport says, but for
-// those of CHARTS_REDUCED. FACES_TOO_LONG: polygons so long that they set the density of all (density.cc).
+// Adds two warnings. DENSITY_VARIES: charts whose texel density in `uv`, the UV as delivered, differs from
+// AtlasReport's, without those that CHARTS_REDUCED names. FACES_TOO_LONG: polygons so long that they set the density of
+// all (density.cc).
 void WarnOfDensity(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv,
                    std::vector<UnwrapWarning>* warnings);
 
-// STOPPED: the caller asked for the best map found by then.
+// Adds STOPPED: the caller asked for the best map found by then.
 void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings);
 
-// UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
+// Adds UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
 
 // The first kMaxNamed of these faces, "2,3,5": "faces" in metadata.

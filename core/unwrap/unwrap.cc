@@ -65,7 +65,8 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
                      {{"corner", absl::StrCat(*beyond)}});
 }
 
-// Checks shared by atlases and weights: one for each face, and charts are packed.
+// Checks shared by face_atlas and face_weights: that each face has a value, that charts are packed, and that seams are
+// allowed.
 absl::Status CheckPerFace(const std::string& field, std::size_t count, const UnwrapOptions& options,
                           std::int64_t num_faces) {
   if (static_cast<std::int64_t>(count) != num_faces) {
@@ -134,8 +135,8 @@ absl::Status CheckPolygons(const UnwrapOptions& options, std::int64_t num_faces)
   return absl::OkStatus();
 }
 
-// Maps the charts in `todo`, cutting charts until each map is sound. Terminates, since cuts make more charts, and a
-// chart of one triangle is not cut.
+// Maps the charts in `todo`, and cuts charts until each map is sound. Terminates, since cuts make more charts, and a
+// chart of one triangle is not cut. The first call in a job then joins charts.
 absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* charts) {
   bool goes_on = true;
   while (goes_on) {
@@ -147,7 +148,7 @@ absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* ch
   return absl::OkStatus();
 }
 
-// The status after a stop: STOPPED_EARLY if there is no valid map.
+// Returns `made`; after a stop request STOPPED_EARLY if there is no valid map.
 absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts& charts) {
   if (!job.execution.IsStopRequested()) return made;
   const auto error = [](const std::string& detail, const std::map<std::string, std::string>& metadata) {
@@ -185,7 +186,7 @@ absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
 
 namespace {
 
-// Unwrap() of a mesh in its own order. Warnings do not list their faces in the metadata yet.
+// Unwrap() without reordering the mesh. The metadata of warnings does not list faces yet.
 absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
                                            const Execution& execution) {
   Job* watched = nullptr;
@@ -197,9 +198,9 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts may be solved and placed repeatedly, especially charts with faces too thin for the type: ten packings took
-  // most of the work. All but the last packing are drafts, beginning with the first if faces were widened, otherwise
-  // with the second.
+  // Charts may be solved and placed repeatedly, especially charts with faces too thin for the type, and ten full
+  // packings would take most of the work. So all packings before the last one are drafts, except the first one if no
+  // faces were widened.
   std::optional<bool> is_draft;
   std::optional<Atlas> atlas;
   while (true) {
@@ -238,7 +239,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   PLANISH_RETURN_IF_ERROR(options.ValidateFor(mesh.num_faces()));
   ThreadTeam team(options.threads);
   const Execution execution = {&team, control.cancel, control.stop};
-  // For a single disc MakeTopology() sorts vertices and faces.
+  // A single disc is not reordered here, since MakeTopology() sorts its vertices and faces.
   std::optional<Reordering> reordering;
   if (options.seams.policy != SeamPolicy::kNone && mesh.num_faces() >= options.tuning.reordered_faces) {
     reordering = Reordering::Of(mesh, execution);
@@ -248,7 +249,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     result = UnwrapInOrder(reordering->Apply(mesh), reordering->Apply(options), control, execution);
     if (result.ok()) reordering->Restore(&*result);
   }
-  // Faults of the mesh are reported in the caller's numbers.
+  // After an error of the mesh, unwraps the mesh without reordering, so that the error has the caller's numbers.
   if (!reordering || absl::IsInvalidArgument(result.status())) {
     result = UnwrapInOrder(mesh, options, control, execution);
   }

@@ -41,7 +41,7 @@ enum class SeamPolicy {
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };
 
-// What SeamPolicy::kAuto places seams for.
+// The purpose for which SeamPolicy::kAuto places seams.
 enum class SeamPreference {
   kSeams,    // few, short and hidden seams (core/charts/seam_cost.h)
   kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
@@ -58,23 +58,23 @@ struct SeamOptions {
   // chart can cross still separate charts.
   std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
-  // below this, as far as cutting helps. In [1.001, 100]; without: AtlasTuning::seams_stretch or texture_stretch.
+  // below this, as far as cutting helps. In [1.001, 100]. Default: AtlasTuning::seams_stretch or texture_stretch.
   std::optional<double> max_stretch;
 };
 
 // Where several atlases go (UnwrapOptions::face_atlas).
 enum class AtlasLayout {
   kUdim,     // each into its own tiles, from tile a * PackOptions::tiles on for atlas a; one texel density
-  kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
+  kStacked,  // all into the same tiles, as textures of their own, each at the largest scale that fits
 };
 
 struct UnwrapOptions {
   FlattenOptions flatten;
   SeamOptions seams;
-  bool pack = true;   // false: charts as they were solved, to the surface's scale, one over the other
-  PackOptions atlas;  // of each atlas; `atlases` is not for callers
+  bool pack = true;   // false: charts stay where they were solved, at the surface's scale, and overlap
+  PackOptions atlas;  // for each atlas; Unwrap() sets `atlases` itself
   // Texels per length on the surface that charts get, at weight 1, in (0, kMostTexelsPerUnit]; 0: as many as there is
-  // room for. Needs charts that are packed.
+  // room for. Requires `pack`.
   double texels_per_unit = 0;
   // With texels_per_unit: PackOptions::texture_size becomes the smallest power of two that holds it, in [16, 65536].
   bool finds_texture_size = false;
@@ -94,12 +94,12 @@ struct UnwrapOptions {
   // number.
   int threads = 1;
 
-  // SeamOptions::max_stretch, or what stands for it.
+  // SeamOptions::max_stretch, or its default.
   double MaxStretch() const {
     const bool by_seams = seams.prefer == SeamPreference::kSeams;
     return seams.max_stretch.value_or(by_seams ? tuning.seams_stretch : tuning.texture_stretch);
   }
-  // Whether charts are cut and joined for the packer's sake.
+  // Whether charts are cut and joined to pack better.
   bool IsForPacker() const { return pack && seams.prefer == SeamPreference::kTexture; }
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
@@ -123,18 +123,18 @@ struct UnwrapProgress {
   int chart = 0;  // 0-based
   int chart_count = 1;
   FlattenProgress flatten;    // meaningful from kSolve on
-  double stage_fraction = 0;  // of the stage that is done, roughly; 0 where it cannot tell
+  double stage_fraction = 0;  // the approximate fraction of the stage that is done; 0 if unknown
 };
 
 // How a call is watched and ended. The callback runs on the calling thread, at the start of every stage, at every
 // Newton iteration and every few dozen linear iterations; it must return quickly.
 struct UnwrapControl {
   const Interrupter* cancel = nullptr;  // ends the call with CANCELLED
-  // Requests the best valid map within reach. Any thread may set it at any time; both must outlive the call. From then
-  // on a linear solve under way is cut short, and Newton's method takes a few rough steps at most, until the angles
-  // make a map without flips. Charts are no longer merged. They are cut only where they overlap themselves, and each
-  // goes to the first place with room. The result is verified like any other, and has the warning STOPPED (see
-  // Unwrap()). It depends on when the request came.
+  // Requests the best valid map within reach. Any thread may set it at any time. `cancel` and `stop` must outlive the
+  // call. From then on a linear solve under way is cut short, and Newton's method takes a few rough steps at most,
+  // until the angles make a map without flips. Charts are no longer merged. They are cut only where they overlap
+  // themselves, and each goes to the first place with room. The result is verified like any other, and has the warning
+  // STOPPED (see Unwrap()). It depends on when the request came.
   const Interrupter* stop = nullptr;
   std::function<void(const UnwrapProgress&)> on_progress;
 };
@@ -144,7 +144,7 @@ struct UnwrapWarning {
   std::string reason;
   std::string message;
   std::map<std::string, std::string> metadata;
-  std::vector<std::int32_t> faces = {};  // concerned; the first ones are "faces" in the metadata
+  std::vector<std::int32_t> faces = {};  // all faces concerned; the first ones are "faces" in the metadata
 };
 
 // Wall-clock seconds of each stage.
@@ -163,11 +163,11 @@ struct ChartReport {
   double stretch_l2 = 1;                          // as Quality::stretch_l2, of this chart by itself
 };
 
-// One of several atlases.
+// The report of one of several atlases.
 struct AtlasReport {
   std::int32_t atlas = 0;  // its number in UnwrapOptions::face_atlas
   std::int64_t faces = 0;
-  std::int32_t charts = 0;  // 0 where no face has a corner to map
+  std::int32_t charts = 0;  // 0 if none of its faces has a chart
   int first_tile = 0;
   int tiles = 1;                  // from first_tile to the last that is used
   double texels_per_unit = 0;     // at weight 1
@@ -199,9 +199,9 @@ struct UnwrapResult {
 // requests. Thread-safe: calls share nothing, each has a team of threads of its own.
 //
 // Errors:
-//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor(), and texels_per_unit for which the texture
-//   is
-//                     too small: metadata "most" is what it holds); PIECE_NOT_A_DISC with SeamPolicy::kKeep
+//   INVALID_ARGUMENT  a MESH_* reason; PIECE_NOT_A_DISC with SeamPolicy::kKeep; OPTIONS_INVALID from Validate() and
+//                     ValidateFor(), or if the texture is too small for texels_per_unit (metadata "most": the density
+//                     for which it has room)
 //   CANCELLED         `control.cancel` was set; noticed within a few dozen linear iterations or a sparse factorization
 //   ABORTED           STOPPED_EARLY: there was no map without flips yet when `control.stop` came
 //   INTERNAL          SOLVER_FAILED: no finite map came out, or multigrid failed on a chart that is too large for a

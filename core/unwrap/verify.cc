@@ -16,7 +16,7 @@ namespace planish {
 CornerUv RoundToFloat(const CornerUv& uv, bool flips, const Execution& execution) {
   CornerUv rounded(uv.size());
   execution.ForEach(static_cast<std::int64_t>(uv.size()), [&](std::int64_t i) {
-    // Below 0.5, floats are closer to each other than those above 0.5, and 1 - v would have to be rounded.
+    // Floats below 0.5 are closer to each other than those above, so 1 - v might not be a float: rounds 1 - v there.
     rounded[i] = flips && i % 2 == 1 && uv[i] < 0.5 ? 1 - static_cast<double>(static_cast<float>(1 - uv[i]))
                                                     : static_cast<double>(static_cast<float>(uv[i]));
   });
@@ -117,7 +117,8 @@ bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
   return true;
 }
 
-// Whether the outlines of other charts wind round some point of each chart's outline; also true after too many tests.
+// Whether some chart lies inside another one: the outlines of other charts wind round a point of its outline. Also true
+// after too many tests.
 bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
   std::vector<Box> box_of_chart(outlines.num_charts);
@@ -133,7 +134,7 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
     const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
     const Box at = Box::Around(p, p);
     Box ray = at;
-    // Only charts whose box has the point can wind round it.
+    // Only charts whose box holds the point p can wind round it.
     const auto may_hold = [&](std::int32_t other) { return other != chart && charts.boxes()[other].Meets(at); };
     charts.ForEachMeeting(at, [&](std::int32_t other) {
       if (other != chart) ray.Add(Vec2(charts.boxes()[other].high.x(), p.y()));
@@ -175,7 +176,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
   const BoxTree tree(std::move(boxes), execution);
   std::atomic<std::int64_t> tests_left = max_tests;
   if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
-  if (outlines.count() == 1) return true;  // one loop
+  if (outlines.count() == 1) return true;  // no other loop can be inside this one
   FindCharts(opposite, &outlines);
   return HolesAreOpen(outlines, uv) && !LiesInsideAnother(outlines, uv, tree, &tests_left, execution) &&
          !execution.IsCancelled();
@@ -183,7 +184,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
 
 using Triangle = std::array<Vec2, 3>;  // counter-clockwise
 
-// Makes face f counter-clockwise. False if it has no interior that counts.
+// Stores face f in `triangle`, counter-clockwise. Returns whether the face has an area and is not marked in `ignored`.
 bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int32_t f, Triangle* triangle) {
   Triangle& t = *triangle = TriangleOf(uv, f);
   const int sign = Orientation(t);
@@ -227,7 +228,7 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
       test_count.fetch_add(tests, std::memory_order_relaxed);
     }
   };
-  // In blocks, so that counting can stop early with the same result for any team.
+  // Faces are tested in blocks, so that counting can stop early with the same result for any team.
   constexpr std::int64_t kBlock = 64, kBlocks = 64;
   Overlaps all;
   for (std::int64_t begin = 0; begin < num_faces && !all.limited; begin += kBlock * kBlocks) {

@@ -180,7 +180,7 @@ void WarnOfMuchStretch(const std::vector<double>& stretch, const std::vector<std
   metadata["stretch"] = absl::StrFormat("%g", stretch[found.front()]);
   std::vector<std::int32_t> faces;
   for (const int i : found) faces.push_back(worst_face[i]);
-  // With kNone there are no other seams.
+  // With kNone the caller cannot give seams.
   const std::string remedy = policy == SeamPolicy::kNone
                                  ? "allow seams (--seams=auto)"
                                  : "allow more seams (--seams=auto and the same sources), or give one there yourself";

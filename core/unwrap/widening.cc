@@ -20,8 +20,8 @@ using Corners = std::array<Vec2, 3>;
 constexpr double kLeastAltitude = 1.5;  // grains
 constexpr double kAltitude = 3;         // grains: the target, as the map does not keep angles exactly
 constexpr double kHeldAltitude = 12;    // grains: rounding changes it by at most an eighth
-constexpr double kGrowth = 4;           // of an angle that did not suffice
-constexpr double kMostGrowth = 1e3;     // over the angle that should suffice
+constexpr double kGrowth = 4;           // an angle that did not suffice grows by at least this factor
+constexpr double kMostGrowth = 1e3;     // an angle is at most this times the angle that should suffice
 constexpr double kMostAngle = 0.5;      // radians; above it, raising the angles does not make a triangle thicker
 constexpr double kLeastPlace = 1e-30;   // nearer to 0, exponents no longer distinguish places
 // Grains: the limit for an enlarged chart, some thousandths of the texture's side for float.
@@ -58,8 +58,8 @@ struct ThinFaces {
 };
 
 // Faces that rounding may collapse or flip, and faces that are already collapsed or flipped. All must be widened. With
-// `as_delivered` only the latter are, since altitudes no longer matter. in_plane(f) are the corners of face f,
-// grain_of(p) is the rounding unit at these, and `scale` is length in the plane over length on the surface.
+// `as_delivered`, only the latter must be, since altitudes no longer matter then. in_plane(f) are the corners of face
+// f, grain_of(p) is the rounding unit at these, and `scale` is length in the plane over length on the surface.
 template <typename InPlane, typename GrainOf>
 ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
                    bool as_delivered, const InPlane& in_plane, const GrainOf& grain_of) {
@@ -82,7 +82,7 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
 }
 
 bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
-  // Needles beside a widened face would be squashed.
+  // Needles that need not be widened are widened only together with others, beside which they would be squashed.
   if (std::none_of(thin.faces.begin(), thin.faces.end(), [](const ThinFace& t) { return t.must_widen; })) return false;
   std::vector<std::int32_t> sources;
   for (const ThinFace& t : thin.faces) sources.push_back(chart->faces[t.face]);
@@ -114,7 +114,7 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
   if (!(factor > 1) || !(extent <= kMostExtent * coarsest)) return false;
   chart->enlargement *= factor;
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
-    if (!thin.faces[i].is_small) continue;  // the map squashes it, but must not once the chart is enlarged
+    if (!thin.faces[i].is_small) continue;  // only the map makes it small, and need not once the chart is enlarged
     double& least = least_angle[thin.faces[i].face];
     least = std::max(least, measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
   }

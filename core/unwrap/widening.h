@@ -35,8 +35,8 @@ Eigen::VectorXd AnglesToKeep(const Chart& chart, Eigen::VectorXd measured);
 // any whose shape is the reason. Ignores faces marked in `ignored` (empty: none).
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart);
 
-// The same for faces that are collapsed or flipped in the delivered UV of the mesh's corners and, if there are any, for
-// needles that nearly are. `scale`: UV length per length on the surface.
+// Does the same as WidenInMap() for faces that are collapsed or flipped in the delivered UV of the mesh's corners and,
+// if there are any, for needles that nearly are. `scale`: UV length per length on the surface.
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart);
 

@@ -36,8 +36,8 @@ function(planish_sanitize target)
     # False warnings in std::function and std::variant of libstdc++ when sanitizers add checks.
     target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
     if(PLANISH_SANITIZE STREQUAL "thread")
-      # With __SANITIZE_THREAD__ defined, protobuf's headers give map fields two more members, which Debian's library,
-      # built without it, does not have. libstdc++ needs _GLIBCXX_TSAN, which it would define from it.
+      # Undefines __SANITIZE_THREAD__: with it, protobuf's headers give map fields two more members, which Debian's
+      # library was built without. libstdc++ derives _GLIBCXX_TSAN from it, so that is defined here instead.
       target_compile_options(${target} PUBLIC -U__SANITIZE_THREAD__ -D_GLIBCXX_TSAN=1)
     endif()
   endif()
@@ -54,7 +54,7 @@ function(planish_compile_options target)
     target_compile_options(${target} PRIVATE ${PLANISH_OPTIMIZE})
   endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # GCC collects garbage only beyond half a GB, which saves a tenth of the build time.
+    # Lets GCC collect garbage only beyond half a GB, which saves a tenth of the build time.
     target_compile_options(${target} PRIVATE --param=ggc-min-heapsize=500000)
   endif()
   if(PLANISH_WARNINGS_AS_ERRORS)

@@ -28,10 +28,10 @@ int main(int count, char** values) {
   std::string libraries = root + "/lib";
   std::string program = root + "/libexec" + self.substr(name);
 
-  // What LD_PRELOAD names may need another C library than this one.
+  // Libraries in LD_PRELOAD and LD_AUDIT may need another C library than the tarball's.
   unsetenv("LD_PRELOAD");
   unsetenv("LD_AUDIT");
-  // Ignores the system's cache of libraries, which belong to another C library.
+  // --inhibit-cache: the libraries in the system's cache belong to another C library.
   std::vector<std::string> words = {loader, "--inhibit-cache", "--library-path", libraries, "--argv0", self, program};
   for (int i = 1; i < count; ++i) words.push_back(values[i]);
   std::vector<char*> arguments;

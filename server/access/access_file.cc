@@ -51,7 +51,7 @@ int LineOf(const YAML::Node& node) {
 struct Item {
   YAML::Node node;
   std::string key;  // "tenants.lighting.queue"
-  int line;         // of the key, if it has one; 0: unknown
+  int line;         // of the key, or of the value if it has no key; 0: unknown
 };
 
 class Parser {
@@ -106,7 +106,8 @@ class Parser {
     return items;
   }
 
-  // Changes `value` if there is such a key.
+  // Sets *value to the number of the key `name`, which must be `low` to `high`. Without that key *value does not
+  // change.
   template <class Number>
   absl::Status Take(const std::map<std::string, Item>& map, const std::string& name, std::int64_t low,
                     std::int64_t high, Number* value) const {
@@ -166,7 +167,7 @@ class Parser {
     }
     Credential credential;
     credential.tenant = tenant;
-    std::string same;  // equal for two credentials that are the same
+    std::string same;  // identifies the token, certificate or user, so that a second entry for it is refused
     PLANISH_RETURN_IF_ERROR(Identify(map, &credential, &same));
     if (const auto found = map.find("name"); found != map.end()) {
       PLANISH_ASSIGN_OR_RETURN(const std::string name, Text(found->second));

@@ -2,7 +2,7 @@
 //
 //   tenants:
 //     lighting:                     # [a-z0-9][a-z0-9_-]{0,62}
-//       share: 2                    # TenantLimits, each optional: > 0, up to 1e6
+//       share: 2                    # to store-mb: TenantLimits, all optional; share: > 0, up to 1e6
 //       queue: 200                  # 0 to 100000
 //       running: 4                  # 1 to 1024
 //       memory-mb: 8192             # 1 to 1e8, MiB
@@ -10,10 +10,10 @@
 //       credentials:
 //         - token-sha256: "..."     # 64 hexadecimal digits: SHA-256 of the token, never the token itself
 //           name: farm              # for logs; otherwise the digest's first 8 digits
-//           rights: [submit, jobs]  # of submit, jobs, all-jobs, admin; these two if not given
+//           rights: [submit, jobs]  # any of submit, jobs, all-jobs, admin; without this line: submit and jobs
 //           expires: 2027-01-01T00:00:00Z     # optional, RFC 3339
 //         - certificate: render-7.studio      # DNS name of a client certificate (common name if it has none)
-//         - user: 1000              # of a Unix socket: a uid, or a user's name
+//         - user: 1000              # the user who calls through a Unix socket: a uid, or a user's name
 #pragma once
 
 #include <memory>
@@ -25,7 +25,7 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong". `file`: the name for these messages.
+// Parses the text of an access file. INVALID_ARGUMENT with "FILE:LINE: KEY: what is wrong", where FILE is `file`.
 absl::StatusOr<std::shared_ptr<const AccessTable>> ParseAccessFile(const std::string& text, const std::string& file);
 
 struct LoadedAccess {

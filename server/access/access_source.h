@@ -11,10 +11,10 @@
 
 namespace planish {
 
-// Thread-safe.
+// The access file of a server as it was last read. Thread-safe.
 class AccessSource {
  public:
-  // Errors of LoadAccessFile().
+  // Loads the file. Errors of LoadAccessFile().
   static absl::StatusOr<std::unique_ptr<AccessSource>> Open(const std::string& file);
 
   // The current table. A call keeps the table it got, also after a reload.

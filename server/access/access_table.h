@@ -29,7 +29,7 @@ struct Credential {
   absl::Time expires = absl::InfiniteFuture();
 };
 
-// UNAUTHENTICATED with CREDENTIALS_INVALID. The message is always the same, so that it does not help to guess.
+// UNAUTHENTICATED with CREDENTIALS_INVALID. The message is always the same, so that it does not help those who guess.
 absl::Status CredentialsInvalid();
 
 // Immutable, so threads may share it. Each Find returns the caller, CredentialsInvalid(), or UNAUTHENTICATED with
@@ -47,7 +47,7 @@ class AccessTable {
 
   absl::StatusOr<Caller> FindUser(std::uint32_t uid, absl::Time now) const;
 
-  // The default limits for a tenant that is not in the file.
+  // The tenant's limits; the default ones if the file does not list the tenant.
   TenantLimits LimitsOf(const std::string& tenant) const;
 
   const std::map<std::string, TenantLimits>& tenants() const { return tenants_; }

@@ -41,7 +41,7 @@ struct Caller {
   // Whether this caller may see jobs of the tenant `owner`. Other jobs do not exist for it.
   bool MaySee(const std::string& owner) const { return rights.all_jobs || (rights.jobs && owner == tenant); }
 
-  // PERMISSION_DENIED with RIGHT_MISSING and metadata "right".
+  // OK if the caller has the right; otherwise PERMISSION_DENIED with RIGHT_MISSING and metadata "right".
   absl::Status CheckRight(Need need) const;
 };
 

@@ -3,7 +3,7 @@
 namespace planish {
 
 bool HasFairPart(std::int64_t own, std::int64_t total, std::int64_t more, std::int64_t limit, std::int64_t tenants) {
-  // Not total + more, which could overflow: a request may claim a number near the largest.
+  // `total + more <= limit` could overflow, since a request may ask for almost the largest number.
   return more <= limit - total || more <= limit / tenants - own;
 }
 

@@ -5,9 +5,9 @@
 
 namespace planish {
 
-// Whether a tenant that has `own` of the `total` that all tenants have may take `more`. It may as long as the total
-// stays within `limit`, and beyond that up to an equal part of `limit` for each of `tenants` (the number of tenants
-// that have any, this one included; >= 1). So a tenant that takes everything cannot keep others out.
+// Whether a tenant may take `more`, if it has `own` now and all tenants together have `total`. It may if the total
+// stays within `limit`, or if the tenant itself stays within an equal part, limit / tenants. `tenants` (>= 1) is the
+// number of tenants that have any, this one included. So a tenant that takes everything cannot keep others out.
 //
 // The total is at most limit (1 + 1/2 + ... + 1/n) with n tenants. Proof: order the tenants by what they have, most
 // first, and consider the last time that one of the first i took something. Either the total was then within the limit,

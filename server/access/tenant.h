@@ -22,7 +22,8 @@ struct TenantLimits {
   bool operator==(const TenantLimits&) const = default;
 };
 
-// Thread-safe and quick. The answer may change, since access files are reloaded. Unknown tenants get the defaults.
+// Returns the limits of a tenant, the defaults if it is unknown. Thread-safe and quick. The answer may change, since
+// access files are reloaded.
 using TenantLimitsSource = std::function<TenantLimits(const std::string& tenant)>;
 
 }  // namespace planish

@@ -13,10 +13,10 @@ using TokenDigest = std::array<std::uint8_t, 32>;
 
 TokenDigest DigestOf(std::string_view token);
 
-// Takes the same time wherever the two differ, so that timing reveals nothing.
+// Whether the digests are equal. Takes the same time wherever they differ, so that timing reveals nothing.
 bool IsEqual(const TokenDigest& a, const TokenDigest& b);
 
-// 64 hexadecimal digits, upper or lower case; nothing for any other text.
+// Parses 64 hexadecimal digits, upper or lower case. Returns nullopt for any other text.
 std::optional<TokenDigest> ParseTokenDigest(std::string_view hex);
 
 // The first 8 hexadecimal digits: a name for a token that has none. They reveal nothing about a random token.

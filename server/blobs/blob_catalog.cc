@@ -23,7 +23,7 @@ class BlobCatalog::Reservation {
     GiveBack();
   }
 
-  // Both require mutex_.
+  // Take() and GiveBack() require mutex_.
   absl::Status Take(std::int64_t bytes) {
     PLANISH_RETURN_IF_ERROR(catalog_.room_.Check(tenant_, bytes));
     catalog_.room_.Count(tenant_, bytes_ = bytes);
@@ -90,7 +90,7 @@ absl::StatusOr<StoredBlobPtr> BlobCatalog::Put(const std::string& tenant, std::s
       removed_.wait(lock, [&] { return !removing_.contains(id); });
       const auto present = entries_.find(id);
       const bool is_present = present != entries_.end();
-      // In a shared store a blob may have been removed since: it is put, or committed, again.
+      // Another process may have removed the blob from a shared store, so it is put or committed again.
       is_new = !is_present || (is_shared() && present->second.kept == nullptr);
       if (is_new && !is_stored) {
         if (!is_present) PLANISH_RETURN_IF_ERROR(room_.Check(tenant, size));
@@ -255,7 +255,7 @@ absl::StatusOr<BlobPtr> BlobCatalog::Load(const BlobId& id) {
   if (number == 0) {
     PLANISH_ASSIGN_OR_RETURN(const StoredBlobPtr stored, Find(id));
     if (stored->memory() != nullptr) return BlobPtr(stored, stored->memory().get());
-    return Load(id);  // there is an entry now
+    return Load(id);  // Find() has added an entry
   }
   absl::StatusOr<BlobPtr> memory = places_.store->Load(id);
   if (!memory.ok()) return Refuse(id, number, memory.status());
@@ -266,7 +266,7 @@ absl::StatusOr<BlobPtr> BlobCatalog::Load(const BlobId& id) {
     if (open == nullptr) open = found->second.open.lock();
     if (open == nullptr) found->second.open = open = StoredBlob::InMemory(*memory);
   }
-  // A reference to the copy also holds the blob.
+  // Whoever holds the returned copy also holds the stored blob.
   const auto both = std::make_shared<std::pair<StoredBlobPtr, BlobPtr>>(std::move(open), *std::move(memory));
   return BlobPtr(both, both->second.get());
 }

@@ -28,7 +28,7 @@ namespace planish {
 
 // Where blobs are stored.
 struct BlobPlaces {
-  std::shared_ptr<BlobStore> store = nullptr;  // null: in memory
+  std::shared_ptr<BlobStore> store = nullptr;  // null: all blobs are in memory
   BlobRows* rows = nullptr;                    // outlives the catalog; null: small blobs are in `store` as well
   // For a shared store: the least age of a blob that may be removed. At least BlobStore::kReferenceTime.
   absl::Duration min_age = 2 * BlobStore::kReferenceTime;
@@ -53,7 +53,7 @@ class BlobCatalog {
   // Is called, without a lock, for each damaged blob. Set it before any other call.
   void SetOnDamage(std::function<void(const absl::Status&)> on_damage) { on_damage_ = std::move(on_damage); }
 
-  // Finds the blobs that an earlier process left.
+  // Adds the blobs that earlier processes left to the catalog.
   absl::Status Open();
 
   // Counts what other processes have added to or removed from a shared store. May take long, as it lists the store.
@@ -63,8 +63,8 @@ class BlobCatalog {
   // (`sha256` not empty).
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, std::string sha256 = {});
 
-  // Takes over the complete file `path` (for a directory: on the same file system), whose digest the caller has
-  // checked. After an error the file is unchanged.
+  // Takes over the complete file `path`, whose digest the caller has checked. If the store is a directory, the file
+  // must be on its file system. After an error the file is unchanged.
   absl::Status PutFile(const BlobId& id, const std::string& path);
 
   // Stores `bytes` durably, in the store even if they are small: for callers that commit no record with them.
@@ -73,7 +73,7 @@ class BlobCatalog {
   // The blob, open for reading.
   absl::StatusOr<StoredBlobPtr> Find(const BlobId& id);
 
-  // All its bytes in sealed memory, verified again if they come from the store: for workers.
+  // All bytes of the blob in sealed memory, for workers. Bytes that come from the store are verified again.
   absl::StatusOr<BlobPtr> Load(const BlobId& id);
 
   // Whether the blob exists and would after a restart (in memory: whether it exists). In a shared store this renews the
@@ -83,7 +83,7 @@ class BlobCatalog {
 
   // The blob if it is pending, otherwise null.
   StoredBlobPtr Pending(const BlobId& id) const;
-  // Call when the blob was committed.
+  // Call it when a pending blob was committed with its record.
   void Committed(const BlobId& id);
 
   // Whether blobs survive the process, so that opening one may take long.
@@ -100,8 +100,8 @@ class BlobCatalog {
   // All current blobs.
   std::vector<BlobId> Ids() const;
 
-  // Returns whether there is nothing more to do: the blob is gone, or a shared store keeps it as too young. False if it
-  // is in use. Calls BlobRows::Remove().
+  // Removes the blob unless it is in use. Returns false if it is in use, otherwise true: it is gone, or the store keeps
+  // it for now (it is too young, a record needs it, or there was an error). Calls BlobRows::Remove().
   bool Remove(const BlobId& id);
 
   // Removes every blob for which `is_used` is false, unless it is in use. Calls BlobRows::Remove().
@@ -114,8 +114,8 @@ class BlobCatalog {
     std::int64_t number = 0;  // distinguishes it from earlier and later entries of the same id
     std::int64_t bytes = 0;
     Place place = Place::kMemory;
-    StoredBlobPtr kept;                    // kMemory, kPending
-    std::weak_ptr<const StoredBlob> open;  // kRow, kStore: while in use
+    StoredBlobPtr kept;                    // kMemory, kPending: the blob
+    std::weak_ptr<const StoredBlob> open;  // kRow, kStore: the blob while somebody uses it
     int opening = 0;                       // callers that are opening it
     bool verified = false;                 // kRow: whether this process has verified its bytes
   };
@@ -124,16 +124,18 @@ class BlobCatalog {
   class Reservation;
 
   bool is_shared() const { return is_durable() && places_.store->is_shared(); }
-  // Call without mutex_. Reads the blob of `entry`, a copy, and verifies it unless that was done.
+  // Call without mutex_. Opens the blob of `entry`, a copy of the catalog's entry, and verifies it unless that was
+  // done.
   absl::StatusOr<StoredBlobPtr> OpenEntry(const BlobId& id, const Entry& entry);
   // Call without mutex_. Finds a blob that another process put, and adds an entry.
   absl::StatusOr<StoredBlobPtr> FindElsewhere(const BlobId& id);
-  // Drops the entry if its bytes are lost; returns `status`.
+  // Ends an attempt to open the blob of entry `number`, which failed with `status`. Drops the entry if the blob is
+  // lost. Returns `status`.
   absl::Status Refuse(const BlobId& id, std::int64_t number, absl::Status status);
   // Call without mutex_. Calls `put` to bring a blob into the store, and adds its entry.
   absl::Status Store(const BlobId& id, std::int64_t size, const std::function<absl::Status()>& put);
 
-  // Both require mutex_.
+  // IsHeld() (whether the blob is in use) and Add() require mutex_.
   static bool IsHeld(const Entry& entry);
   Entry& Add(const BlobId& id, std::int64_t bytes, Place place);
 

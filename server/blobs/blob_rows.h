@@ -28,7 +28,7 @@ class BlobRows {
 
   // The ids and sizes, in bytes, of all rows.
   virtual absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() = 0;
-  // NOT_FOUND with BLOB_NOT_FOUND.
+  // The bytes of a row. NOT_FOUND with BLOB_NOT_FOUND if there is no such row.
   virtual absl::StatusOr<std::string> Read(const BlobId& id) = 0;
   // Removes the row unless a record needs the blob. Returns whether there is no row with this id any more.
   virtual absl::StatusOr<bool> Remove(const BlobId& id) = 0;

@@ -20,17 +20,17 @@ namespace {
 
 constexpr std::int64_t kPieceBytes = std::int64_t{1} << 20;
 
-// Versions to remember. Beyond this number all are forgotten, and blobs are verified again.
+// Number of verified versions to remember. When it is reached all are forgotten, and blobs are verified again.
 constexpr std::size_t kMostVerified = 65536;
 
-// Retries, since another process may put, drop or remove the same blob between two steps.
+// Attempts at an operation, since another process may put, drop or remove the same blob between two steps.
 constexpr int kTries = 3;
 
 std::string KeyOf(const BlobId& id) {
   return id.tenant + "/" + id.sha256;
 }
 
-// DATA_LOSS if the bytes do not match the digest. Copies them unless `copy` is null.
+// Reads the blob, and copies its bytes to `copy` unless that is null. DATA_LOSS if they do not match the digest.
 absl::Status Compare(const BlobId& id, const StoredBlob& blob, char* copy) {
   RunningSha256 hash;
   std::string piece;
@@ -119,7 +119,8 @@ absl::StatusOr<BlobPtr> BlobStore::Load(const BlobId& id) {
 
 absl::Status BlobStore::Verify(const BlobId& id, const Found& found, char* copy) {
   absl::Status status = Compare(id, *found.blob, copy);
-  // Reads twice, since bytes may have been damaged in transit: a good blob must not be dropped for that.
+  // Reads the bytes again if they differ, since they may have been damaged in transit: a good blob must not be dropped
+  // for that.
   if (absl::IsDataLoss(status)) status = Compare(id, *found.blob, copy);
   if (absl::IsDataLoss(status)) PLANISH_RETURN_IF_ERROR(Drop(id, found.version));
   if (status.ok()) SetVerified(id, found.version);
@@ -133,7 +134,7 @@ bool BlobStore::IsVerified(const BlobId& id, const std::string& version) {
 }
 
 void BlobStore::SetVerified(const BlobId& id, const std::string& version) {
-  if (version.empty()) return;  // another process's bytes
+  if (version.empty()) return;  // another process put the bytes
   const std::lock_guard lock(mutex_);
   if (verified_.size() >= kMostVerified) verified_.clear();
   verified_[KeyOf(id)] = version;

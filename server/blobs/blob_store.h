@@ -47,7 +47,7 @@ struct BlobEntry {
 //   NOT_FOUND with BLOB_NOT_FOUND
 //   DATA_LOSS with BLOB_DAMAGED              to the caller that found the damage; later ones get NOT_FOUND
 //   RESOURCE_EXHAUSTED with STORAGE_FULL     a disk or a quota is full
-//   RESOURCE_EXHAUSTED with OUT_OF_MEMORY    no descriptors, no memory: it passes
+//   RESOURCE_EXHAUSTED with OUT_OF_MEMORY    no descriptors or no memory at the moment
 //   UNAVAILABLE with STORE_UNAVAILABLE       the store cannot be reached, or does not answer in time
 //   INTERNAL                                 a bug, or a store that is set up wrong: the message says which
 class BlobStore {
@@ -66,7 +66,7 @@ class BlobStore {
   // The blob, open for range reads. A blob that is removed meanwhile may still be read, or give NOT_FOUND or DATA_LOSS.
   absl::StatusOr<StoredBlobPtr> Open(const BlobId& id);
 
-  // All its bytes in sealed memory, verified each time they are read.
+  // All bytes of the blob in sealed memory, verified each time they are read.
   absl::StatusOr<BlobPtr> Load(const BlobId& id);
 
   // Whether the store has the blob. If so, the blob is durable, and its age becomes zero (or up to kReferenceTime / 4,
@@ -91,17 +91,18 @@ class BlobStore {
     std::string version;
   };
 
-  // NOT_FOUND if there is no such blob.
+  // Opens the blob without verifying its bytes. NOT_FOUND if there is no such blob.
   virtual absl::StatusOr<Found> OpenUnverified(const BlobId& id) = 0;
   // Stores the bytes durably. Returns their version; empty if another process put the blob meanwhile, which is kept.
   virtual absl::StatusOr<std::string> PutNew(const BlobId& id, std::string_view bytes) = 0;
-  // The same for a file. By default reads the file and removes it.
+  // Like PutNew() with the bytes of the file `path`. This default implementation reads the file, calls PutNew() and
+  // removes the file.
   virtual absl::StatusOr<std::string> PutNewFile(const BlobId& id, const std::string& path);
   // Removes the damaged bytes of this version, and no others.
   virtual absl::Status Drop(const BlobId& id, const std::string& version) = 0;
 
  private:
-  // Whether there is a good copy; renews it.
+  // Renews the blob and opens it. Returns whether the store has it undamaged.
   absl::StatusOr<bool> IsThere(const BlobId& id);
   // Reads all bytes. Copies them to `copy` unless null. Drops a blob that is found damaged twice.
   absl::Status Verify(const BlobId& id, const Found& found, char* copy);
@@ -120,7 +121,7 @@ class BlobStore {
 absl::StatusOr<std::int64_t> CollectBlobs(BlobStore* store, absl::Duration min_age,
                                           const std::function<absl::StatusOr<bool>(const BlobId& id)>& is_used);
 
-// NOT_FOUND with BLOB_NOT_FOUND; DATA_LOSS with BLOB_DAMAGED.
+// The errors NOT_FOUND with BLOB_NOT_FOUND, and DATA_LOSS with BLOB_DAMAGED.
 absl::Status BlobNotFound(const BlobId& id);
 absl::Status BlobDamaged(const BlobId& id, const std::string& how);
 

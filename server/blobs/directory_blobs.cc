@@ -27,13 +27,13 @@ namespace fs = std::filesystem;
 
 constexpr char kTemporary[] = "new-";
 constexpr char kLockFile[] = "lock";
-// The folder of a tenant's blobs. Those of the default tenant, once the only one, are beside these folders.
+// Prefix of the folder of a tenant's blobs. Blobs of the default tenant, once the only tenant, have no such folder.
 constexpr char kTenantFolder[] = "tenant-";
 
 // A temporary file of a shared directory is garbage after this time without a write.
 constexpr absl::Duration kLeftOver = absl::Hours(24);
 
-// From a blob's path within the store.
+// The tenant of the blob with this path, relative to the store's directory.
 std::string TenantOf(const fs::path& path) {
   const std::string top = path.begin()->string();
   return top.starts_with(kTenantFolder) ? top.substr(sizeof(kTenantFolder) - 1) : kDefaultTenant;
@@ -47,7 +47,7 @@ absl::Time ModifiedAt(const struct stat& file) {
   return absl::TimeFromTimespec(file.st_mtim);
 }
 
-// Empty if there is no such file.
+// The stat(2) of a file; nullopt if there is no such file.
 absl::StatusOr<std::optional<struct stat>> StatOf(const std::string& path) {
   struct stat file = {};
   if (stat(path.c_str(), &file) == 0) return file;
@@ -257,7 +257,8 @@ absl::StatusOr<bool> DirectoryBlobStore::Renew(const BlobId& id) {
   } else if (error != 0) {
     return FileError("touch", PathOf(id), -error);
   }
-  // The process that put it may have ended before it synced the folder. SetUp() has done that for earlier processes.
+  // In a shared directory, the process that put the blob may have ended before it synced the folder. In an unshared
+  // one, SetUp() has synced the folders of earlier processes.
   if (options_.shared) PLANISH_RETURN_IF_ERROR(SyncFolder(options_.files, FolderOf(id)));
   return true;
 }
@@ -298,7 +299,7 @@ absl::Status DirectoryBlobStore::Drop(const BlobId& id, const std::string& versi
   const std::string path = PathOf(id);
   PLANISH_ASSIGN_OR_RETURN(const ShardLock lock, ShardLock::Take(this, id));
   PLANISH_ASSIGN_OR_RETURN(const auto file, StatOf(path));
-  // Another process dropped it already, and may have put good bytes there.
+  // If there is no such version, another process has dropped it, and may have put good bytes in its place.
   if (!file.has_value() || VersionOf(*file) != version) return absl::OkStatus();
   const int error = options_.files->Remove(path);
   return error == 0 || error == -ENOENT ? absl::OkStatus() : FileError("remove", path, -error);

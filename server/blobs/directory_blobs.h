@@ -49,7 +49,7 @@ class DirectoryBlobStore : public BlobStore {
  private:
   static constexpr int kShards = 256;
 
-  // Locks the shard of a blob while it lives.
+  // Locks the shard of a blob as long as the object lives.
   class ShardLock;
 
   explicit DirectoryBlobStore(DirectoryBlobsOptions options) : options_(std::move(options)) {}
@@ -57,15 +57,15 @@ class DirectoryBlobStore : public BlobStore {
   absl::Status SetUp();
   std::string FolderOf(const BlobId& id) const;
   std::string PathOf(const BlobId& id) const;
-  // By the clock of the file system if the directory is shared, as all machines see the same one.
+  // The current time. In a shared directory it is that of the file system, whose clock is the same for all machines.
   absl::StatusOr<absl::Time> Now() const;
   absl::Status WriteFile(const std::string& path, std::string_view bytes);
-  // The file `path`, already synced, becomes the blob. After an error it is unchanged.
+  // Renames the file `path`, already synced, to be the blob. Returns its version. After an error the file is unchanged.
   absl::StatusOr<std::string> Install(const BlobId& id, const std::string& path);
 
   const DirectoryBlobsOptions options_;
   Descriptor lock_file_;                    // constant after SetUp(); none unless shared
-  std::array<std::mutex, kShards> shards_;  // each between the threads of this process
+  std::array<std::mutex, kShards> shards_;  // lock a shard between the threads of this process
 };
 
 }  // namespace planish

@@ -28,7 +28,7 @@ class FileLayer {
   virtual int Remove(const std::string& path);
   // Sets the modification time to now, by the clock of the file system.
   virtual int Touch(const std::string& path);
-  // 0 also if the folder exists; `made` (may be null) says whether it was created.
+  // Creates a folder. Returns 0 also if it exists; `made` (may be null) says whether it was created.
   virtual int MakeFolder(const std::string& path, bool* made);
 
   // The operating system's calls.

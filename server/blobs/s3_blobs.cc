@@ -91,7 +91,7 @@ absl::StatusOr<bool> S3BlobStore::Renew(const BlobId& id) {
         std::none_of(left.begin(), left.end(), [&](const S3Object& copy) { return copy.key == source; });
     return is_gone ? absl::StatusOr<bool>(false) : copied;
   }
-  // Old copies would accumulate while the blob is in use.
+  // Deletes old copies, which would otherwise accumulate while the blob is in use.
   for (const S3Object& copy : copies) {
     if (copy.age >= kReferenceTime) client_->Delete(copy.key).IgnoreError();  // on failure, the next renewal deletes it
   }

@@ -17,7 +17,7 @@ namespace planish {
 
 struct S3BlobsOptions {
   S3Options s3;
-  // When it is put or renewed, a blob of at least this age is copied; a younger one is not.
+  // A blob of at least this age is copied when it is put again or renewed; a younger one is not.
   absl::Duration renew_age = BlobStore::kReferenceTime / 4;
 };
 

@@ -38,7 +38,7 @@ class XmlTexts {
  public:
   using Visit = std::function<void(const std::string& path, const std::string& text)>;
 
-  // False if the document is malformed.
+  // Calls `visit` for these elements. False if the document is malformed.
   static bool Read(std::string_view document, const Visit& visit) {
     XmlTexts texts(visit);
     const XML_Parser parser = XML_ParserCreate("UTF-8");
@@ -74,7 +74,7 @@ class XmlTexts {
 
   const Visit& visit_;
   std::string path_, text_;
-  std::vector<std::size_t> lengths_;  // of path_ outside of each open element
+  std::vector<std::size_t> lengths_;  // for each open element: the length of path_ before it began
 };
 
 // The error of an S3 response: "CODE: MESSAGE".
@@ -328,17 +328,17 @@ absl::StatusOr<S3Client::Response> S3Client::SendOnce(const Request& request, bo
     if (response.status == 206 && static_cast<std::int64_t>(response.body.size()) == request.object_bytes) {
       return response;
     }
-    *retry = true;  // cut off before its length was known
+    *retry = true;  // the response was cut off
     return S3Unavailable(absl::StrCat("GET of ", request.object_bytes, " bytes was answered with ", response.status,
                                       " and ", response.body.size(), " bytes"));
   }
-  // A copy may fail after the response began.
+  // A copy may fail after the response began with 200; then the body has the error.
   const std::optional<S3Error> error = response.body.empty() ? std::nullopt : ErrorOf(response.body);
   if (is_good && !error.has_value()) return response;
   const std::string said = error.has_value() ? absl::StrCat(error->code, ": ", error->message) : "";
   const std::string what = absl::StrCat(request.method, " was answered with ", response.status, " ", said);
   const std::string reason = error.has_value() ? error->code : "";
-  // Errors that an operator must fix. They count as unavailable, so that callers wait until then.
+  // The next errors must be fixed by an operator. They count as unavailable, so that callers wait until that is done.
   if (reason == "NoSuchBucket") return S3Unavailable(absl::StrCat(what, " (--blobs)"));
   if (response.status == 401 || response.status == 403) {
     return S3Unavailable(absl::StrCat(what, " (--s3-credentials, or the rights that go with them)"));
@@ -408,7 +408,7 @@ absl::Status S3Client::List(const std::string& prefix, const std::function<void(
   std::string after;
   for (bool is_more = true; is_more;) {
     Request request;
-    // The first version of this request, which every server supports. Parameters are sorted, as the signature requires.
+    // Version 1 of ListObjects, which every server supports. Parameters are sorted, as the signature requires.
     request.url = absl::StrCat(options_.endpoint, "/", options_.bucket, "?",
                                after.empty() ? "" : "marker=" + Escaped(after) + "&", "max-keys=", options_.list_page,
                                "&prefix=", Escaped(before + prefix));

@@ -66,13 +66,14 @@ class S3Client {
   S3Client(const S3Client&) = delete;
   S3Client& operator=(const S3Client&) = delete;
 
-  // `sha256` (32 bytes) must be that of `bytes`; the server checks it.
+  // Stores an object. `sha256` (32 bytes) must be the digest of `bytes`; the server checks it.
   absl::Status Put(const std::string& key, std::string_view bytes, const std::string& sha256);
-  // Replaces *bytes by `length` > 0 of them. DATA_LOSS with BLOB_DAMAGED if the object is shorter than `offset`.
+  // Replaces *bytes by the `length` (> 0) bytes of the object from `offset` on. DATA_LOSS with BLOB_DAMAGED if the
+  // object ends before `offset`.
   absl::Status Get(const std::string& key, std::int64_t offset, std::int64_t length, std::string* bytes);
   // Copies an object within the server.
   absl::Status Copy(const std::string& from, const std::string& to);
-  // Also OK if there is no such object.
+  // Deletes an object. Also OK if there is none.
   absl::Status Delete(const std::string& key);
   // Calls `visit` with each object whose key begins with `prefix`, in the order of keys.
   absl::Status List(const std::string& prefix, const std::function<void(const S3Object&)>& visit);
@@ -83,7 +84,7 @@ class S3Client {
 
   // Repeats the request until it succeeds, is refused, or has failed S3Options::attempts times.
   absl::StatusOr<Response> Send(const Request& request);
-  // Sends it once. `retry`: whether the error may be temporary.
+  // Sends the request once. *retry: whether the error may be temporary.
   absl::StatusOr<Response> SendOnce(const Request& request, bool* retry);
   std::string UrlOf(const std::string& key) const;
 

@@ -21,7 +21,7 @@ using StoredBlobPtr = std::shared_ptr<const StoredBlob>;
 class StoredBlob {
  public:
   static StoredBlobPtr InMemory(BlobPtr bytes);
-  // `files` outlives the blob; `size` is that of the file.
+  // An open file as a blob. `files` outlives the blob; `size` is that of the file.
   static StoredBlobPtr InFile(FileLayer* files, Descriptor file, std::int64_t size);
 
   virtual ~StoredBlob() = default;

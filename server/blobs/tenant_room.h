@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// Sizes in bytes. Not thread-safe, except for max_bytes().
+// Counts the bytes that each tenant stores, and applies the limits on them. Not thread-safe, except for max_bytes().
 class TenantRoom {
  public:
   // `max_bytes` limits all tenants together, TenantLimits::store_bytes each one (null: no such limit).
@@ -21,11 +21,11 @@ class TenantRoom {
   std::int64_t bytes() const { return bytes_; }
   std::int64_t bytes(const std::string& tenant) const;
 
-  // `bytes` may be negative.
+  // Adds `bytes`, which may be negative, to those of the tenant.
   void Count(const std::string& tenant, std::int64_t bytes);
 
-  // Whether the tenant may have `more` bytes: RESOURCE_EXHAUSTED with STORAGE_FULL. The message reveals nothing about
-  // other tenants.
+  // OK if the tenant may store `more` bytes; otherwise RESOURCE_EXHAUSTED with STORAGE_FULL. The message reveals
+  // nothing about other tenants.
   absl::Status Check(const std::string& tenant, std::int64_t more) const;
 
   // The tenant whose bytes must be removed so that `tenant` can have `more`: `tenant` itself, unless the store is full
@@ -33,13 +33,13 @@ class TenantRoom {
   std::string WhoGivesWay(const std::string& tenant, std::int64_t more) const;
 
  private:
-  // -1: none.
+  // The tenant's own limit; -1 if it has none.
   std::int64_t LimitOf(const std::string& tenant) const;
 
   const std::int64_t max_bytes_;
   const TenantLimitsSource limits_;
   std::int64_t bytes_ = 0;
-  std::map<std::string, std::int64_t> tenant_bytes_;  // of tenants with any
+  std::map<std::string, std::int64_t> tenant_bytes_;  // by tenant, without zeros
 };
 
 }  // namespace planish

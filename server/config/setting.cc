@@ -19,7 +19,7 @@ std::string List(const std::vector<std::string>& values) {
   return emitter.c_str();
 }
 
-// Line breaks in a file's name must not end the comment.
+// Replaces control characters, since a line break in a file's name would end the comment.
 std::string Comment(std::string text) {
   for (char& c : text) {
     if (static_cast<unsigned char>(c) < ' ') c = '?';

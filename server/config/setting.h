@@ -10,13 +10,13 @@ struct Setting {
   std::string key;                  // the flag's name without the dashes
   std::vector<std::string> values;  // as a person would write them; empty: not set
   bool is_list = false;
-  // Where it comes from: "flag", "environment", "FILE:LINE" or "default".
+  // Where the values come from: "flag", "environment", "FILE:LINE" or "default".
   std::string source = "default";
 
   bool SameValue(const Setting& other) const { return values == other.values; }
 };
 
-// "64", "[a, b]", or "none".
+// The values as text: "64", "[a, b]", or "none".
 std::string ValueText(const Setting& setting);
 
 // A line "key: value" for each setting, with its source as a comment. Settings that are not set become comments. Read

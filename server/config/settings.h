@@ -22,8 +22,9 @@ using Environment = std::map<std::string, std::string>;
 Environment ReadEnvironment(const std::string& prefix);
 
 // Every option with a long name that is configurable() is a setting: "--retain-mb" is the key "retain-mb" of the file
-// and, with the prefix "PLANISHD_", the variable PLANISHD_RETAIN_MB. A list is one value or a list in the file, and
-// separated by commas in a variable. A list from one source replaces that of a lower source; they are not joined.
+// and, with the prefix "PLANISHD_", the variable PLANISHD_RETAIN_MB. An option that takes a list is given one value or
+// a list in the file, and values separated by commas in a variable. A list from one source replaces that of a lower
+// source; they are not joined.
 //
 // The options' ranges, choices and conversions apply to values from every source.
 class Settings {
@@ -44,8 +45,8 @@ class Settings {
   std::vector<std::string> UnknownVariables(const Environment& environment,
                                             const std::vector<std::string>& known) const;
 
-  // All settings, in the order of their definition. A setting without a source has the value of the option's variable,
-  // if that has a default or a value by now.
+  // All settings, in the order of their definition. A setting that no source gave has the option's default, or else the
+  // present value of the option's variable.
   std::vector<Setting> InEffect() const;
 
  private:
@@ -67,7 +68,7 @@ class Settings {
   CLI::App* const app_;
   const std::string prefix_;
   std::map<std::string, Entry> entries_;  // by key
-  std::vector<std::string> order_;        // keys as defined
+  std::vector<std::string> order_;        // keys in the order of their definition
 };
 
 }  // namespace planish

@@ -20,8 +20,8 @@ inline constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  /
 // Renewals per lease duration.
 inline constexpr int kRenewalsPerLease = 3;
 
-// Interval between two requests of one kind when `servers` servers share the store and are together to make
-// `per_second` of them. Zero if that interval is less than `least`.
+// Interval between two requests of one server, if `servers` servers share the store and all of them together shall make
+// `per_second` requests of this kind. Zero if that interval is less than `least`.
 inline absl::Duration SharedPace(int servers, double per_second, absl::Duration least) {
   const absl::Duration pace = absl::Seconds(servers / per_second);
   return pace > least ? pace : absl::ZeroDuration();
@@ -41,8 +41,8 @@ class ClaimPace {
         random_(static_cast<unsigned>(std::hash<std::string>()(owner))) {}
 
   // Time of the next claim, after one that queued for `queued` (JobStore::Claim). Each server has its own offset within
-  // the interval, and the rest varies by up to a half, so that servers that waited for the same thing do not claim at
-  // the same moment ever after.
+  // the interval, and the rest varies by up to a half, so that servers that waited for the same thing do not go on
+  // claiming at the same moment.
   absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration queued) {
     last_[count_++ % kLast] = queued;
     if (interval <= absl::ZeroDuration()) return now;
@@ -68,7 +68,7 @@ class ClaimPace {
 
   const double place_;
   std::minstd_rand random_;
-  std::array<absl::Duration, kLast> last_ = {};  // at first: none queued
+  std::array<absl::Duration, kLast> last_ = {};  // queueing times of the last claims; zeros at first
   std::size_t count_ = 0;
 };
 

@@ -24,20 +24,20 @@ namespace planish {
 // Thread-safe.
 class JobEventLog {
  public:
-  // A live subscription; dropping it ends it.
+  // Dropping the last copy of this pointer ends the subscription.
   using Subscription = std::shared_ptr<const std::function<void()>>;
 
   struct Read {
     std::optional<v1::JobEvent> event;  // empty: none yet, or `ended`
     bool ended = false;                 // there will be no more events
-    absl::Status status;                // with `ended`: not OK if the job goes on, but not here (Interrupt)
+    absl::Status status;                // with `ended`: OK if the job ended, otherwise the status of Interrupt()
   };
 
   // `capacity`: the number of events that are kept at most; changes of state are kept even beyond it.
   explicit JobEventLog(std::size_t capacity) : capacity_(capacity) {}
 
   // Adds an event of the store if it is newer than all events here. The caller must have added every event before it.
-  // `uv`, with the final event: the job's result, or null.
+  // `uv`: with the final event the job's result, if there is one; otherwise null.
   void Restore(v1::JobEvent event, StoredBlobPtr uv = nullptr);
 
   // Adds an event if its sequence number is the next one. Returns false and changes nothing if an earlier event is
@@ -50,8 +50,8 @@ class JobEventLog {
   // Calls every subscriber, on this thread. Call it after each append, holding no lock.
   void Notify() const;
 
-  // The first event whose sequence number is greater than `after` (>= 0). Its `skipped` is the number of events between
-  // the two that were dropped.
+  // The first event whose sequence number is greater than `after` (>= 0). Its `skipped` is the number of dropped events
+  // between `after` and this event.
   Read ReadAfter(std::int64_t after) const;
 
   // Sequence number of the newest event; 0 if there is none.
@@ -59,7 +59,7 @@ class JobEventLog {
 
   bool ended() const;
 
-  // Null before the last event, and for a job that did not succeed.
+  // The job's result. Null before the last event, and for a job that did not succeed.
   StoredBlobPtr uv() const;
 
   // From now on calls `wake` after each append. A call that is running when the subscription is dropped finishes, so
@@ -67,7 +67,7 @@ class JobEventLog {
   [[nodiscard]] Subscription Subscribe(std::function<void()> wake) const;
 
  private:
-  // Requires mutex_.
+  // Appends the event, and drops the oldest progress event if the ring is full. Requires mutex_.
   void Hold(v1::JobEvent event, StoredBlobPtr uv);
 
   const std::size_t capacity_;

@@ -193,7 +193,7 @@ absl::StatusOr<JobAdmission::Prepared> JobAdmission::Prepare(const Caller& calle
   PLANISH_RETURN_IF_ERROR(refusal);
   std::optional<KeptResult> result;
   if (!request.scheduling.fresh()) result = FindResult(prepared.work_key);
-  // An early check, before the mesh is stored. Accept() decides.
+  // An early check, before the mesh is stored. JobStore::Accept() makes the final one.
   if (absl::Status room = CheckRoom(caller.tenant, request.MeshBytes()); !room.ok() && !result.has_value()) {
     if (request.scheduling.fresh()) return room;
     PLANISH_ASSIGN_OR_RETURN(const bool shares, context_.store.IsUnderWay(caller.tenant, prepared.work_key));

@@ -43,7 +43,7 @@ void JobCallers::Detach(const std::string& name, Parting parting) {
     if (suspended_ || parting == Parting::kJobEnded) return;
   }
   const absl::Duration grace = parting == Parting::kForGood ? absl::ZeroDuration() : context_.Limits().reattach_grace;
-  // If this cannot be written, the callers' last renewal expires a little later, with the same effect.
+  // If this cannot be written, the job is cancelled a little later, when the callers' last renewal expires.
   if (const absl::Status status = context_.store.KeepCallers({name}, grace); !status.ok()) context_.TellError(status);
   if (grace <= absl::ZeroDuration() && context_.on_due) context_.on_due();
 }

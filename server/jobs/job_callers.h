@@ -16,8 +16,8 @@ class JobCallers;
 // Why a caller leaves.
 enum class Parting {
   kMayReturn,  // the connection was lost: the grace period begins
-  kForGood,    // its deadline passed
-  kJobEnded,   // it received the job's end: nothing needs to be written
+  kForGood,    // the caller's deadline passed
+  kJobEnded,   // the caller received the job's end: nothing needs to be written
 };
 
 // One caller of a job. When the last caller leaves and nobody detached the job, the job is cancelled unless another
@@ -33,7 +33,8 @@ class JobAttachment {
   // Whether there is nothing to release.
   bool empty() const { return callers_ == nullptr; }
 
-  // Writes to the store, unless the job ended.
+  // Ends the attachment. If it was the job's last one in this process, that is written to the store, unless the job
+  // ended.
   void Release(Parting parting = Parting::kMayReturn);
 
  private:
@@ -42,7 +43,7 @@ class JobAttachment {
 };
 
 // The callers of this process. The store has, for each job, the time until which its callers count as present.
-// Attaching and Renew() extend it; a process that dies no longer does. Thread-safe.
+// Attaching and Renew() extend this time, until the process dies. Thread-safe.
 class JobCallers {
  public:
   // `context` outlives the object.
@@ -51,7 +52,8 @@ class JobCallers {
   // How long callers count as present after they attached or were renewed.
   static constexpr absl::Duration kBelieved = absl::Seconds(60);
 
-  // Counts one more caller. `known`: the store knows of it already, for instance because the job was just accepted.
+  // Counts one more caller of the job. `known`: the store already has a recent renewal of this job's callers, for
+  // instance because the job was just accepted.
   JobAttachment Attach(const std::string& name, bool known);
   // Tells the store that the callers of all attached jobs are still present. Call it a few times a second: most calls
   // do nothing.
@@ -68,7 +70,7 @@ class JobCallers {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<std::string, int> callers_;              // of each job
+  std::map<std::string, int> callers_;              // number of callers, by job
   absl::Time next_renewal_ = absl::InfinitePast();  // by the steady clock
   // How far the store's clock was ahead of the steady clock at the last check.
   absl::Duration store_ahead_;

@@ -22,7 +22,7 @@ constexpr std::size_t kLookedAtPerSecond = 2000;
 
 JobFeed::JobFeed(JobContext* context) : context_(*context) {
   subscription_ = context_.store.Subscribe([this](const StoreNews& news) {
-    if (news.local) return;  // Tell() follows
+    if (news.local) return;  // whoever made the change calls Tell()
     const std::lock_guard lock(mutex_);
     if (news.everything) next_look_ = absl::InfinitePast();
     for (const std::string& name : news.jobs) {
@@ -129,7 +129,7 @@ void JobFeed::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& u
     const bool succeeded = change.record.job().state() == v1::JOB_STATE_SUCCEEDED;
     for (const v1::JobEvent& event : change.events) {
       if (log->Append(event, succeeded ? uv : nullptr)) continue;
-      // An earlier event, by another thread or process, is missing: it arrives later or never, so read the store.
+      // An earlier event of another thread or process is missing. It may arrive later or never, so the store is read.
       if (const absl::Status status = Read(name, change.record.number(), log.get()); !status.ok()) {
         context_.TellError(status);
         const std::lock_guard lock(mutex_);

@@ -29,7 +29,7 @@ class JobFeed {
   absl::StatusOr<std::shared_ptr<const JobEventLog>> Open(const JobRecord& record);
   // The log of a job that is about to be accepted. Call it before the job can change.
   std::shared_ptr<JobEventLog> OpenNew(const std::string& name);
-  // The job was accepted and has this number.
+  // Call it once the job was accepted and has this number.
   void NoteNumber(const std::string& name, std::int64_t number);
 
   // Adds the changes that this process wrote to the logs and wakes their readers. `uv`: the result of those jobs that
@@ -49,16 +49,16 @@ class JobFeed {
   };
 
   std::shared_ptr<JobEventLog> Register(const std::string& name, std::int64_t number);
-  // Null if nobody reads it.
+  // The log of the job; null if nobody reads it.
   std::shared_ptr<JobEventLog> Find(const std::string& name);
-  // Adds the store's events to the log.
+  // Adds the job's events that the store has and the log lacks.
   absl::Status Read(const std::string& name, std::int64_t number, JobEventLog* log);
   // Adds a job's last event, with the UV.
   absl::Status Finish(v1::JobEvent event, JobEventLog* log);
   // Ends the log of a job that has ended or was deleted, although its last event has a sequence number that readers
   // have already seen. A database that crashed may have forgotten the newest events, and assigns their numbers again.
   absl::Status EndBehind(const std::string& name, JobEventLog* log);
-  // Reads new events of these jobs, which all have numbers.
+  // Reads the new events of these jobs from the store. Every job must have its number already (Entry::number).
   void LookAtAll(const std::map<std::string, Entry>& entries);
   // Calls `read` to add to the log, if anybody reads it, and wakes its readers. A failed read is tried again later.
   void ReadNew(const std::string& name, const Entry& entry, const std::function<absl::Status(JobEventLog*)>& read);
@@ -68,9 +68,9 @@ class JobFeed {
   std::mutex mutex_;
   // Guarded by mutex_.
   std::map<std::string, Entry> logs_;            // of unfinished jobs, by name
-  std::size_t next_clearing_ = 64;               // number of entries at which unread ones are removed
+  std::size_t next_clearing_ = 64;               // number of entries at which those without a reader are removed
   std::set<std::string> changed_;                // jobs of logs_ that other processes changed
-  absl::Time next_look_ = absl::InfinitePast();  // poll of all jobs, by the steady clock: notifications may be lost
+  absl::Time next_look_ = absl::InfinitePast();  // next poll of all jobs, as notifications may be lost; steady clock
   absl::Status interrupted_;
 
   JobStore::Subscription subscription_;

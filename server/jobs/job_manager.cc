@@ -66,7 +66,8 @@ JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobCatalog* 
 
 absl::Status JobManager::Recover() {
   if (context_.store.is_shared()) return absl::OkStatus();  // leases expire by themselves
-  // A server that shut down in order has released its leases. A server that died without that may have died of the job.
+  // A server that shut down in order has released its leases. The leases that are left are of a server that died,
+  // perhaps because of these jobs, so the attempts count.
   for (;;) {
     PLANISH_ASSIGN_OR_RETURN(const std::vector<JobChange> lost,
                              context_.store.Reap(context_.Verb(), runner_.owner(), kSlice));
@@ -95,7 +96,7 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
     return absl::OkStatus();
   };
   const absl::StatusOr<std::vector<BlobPtr>> blobs = runner_.LoadBlobs(record);
-  // Its request id is free: a caller that has the mesh sends it again, for a new job.
+  // `forget` frees the job's request id, so that a caller who has the mesh can send it again for a new job.
   if (IsLost(blobs.status())) {
     return fail(JobRunner::MeshLost(blobs.status()), /*forget=*/true);
   }

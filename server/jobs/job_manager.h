@@ -60,14 +60,16 @@ class JobManager {
   // STORAGE_FULL, both with a retry delay, MESH_TOO_LARGE and MEMORY_LIMIT; UNAVAILABLE with DRAINING and a retry
   // delay.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request);
-  // The same for each request, in this order. The accepted jobs are committed together.
+  // Create() for each request, in this order. The accepted jobs are committed together.
   std::vector<absl::StatusOr<AcceptedJob>> CreateAll(const Caller& caller, std::vector<JobRequest> requests);
 
-  // `may_follow`: also allowed if the caller has only the right to submit, and the same credentials created the job.
+  // The job. `may_follow`: also allowed if the caller has only the right to submit, and the same credentials created
+  // the job.
   absl::StatusOr<v1::Job> Get(const Caller& caller, const std::string& name, bool may_follow = false) const;
 
-  // Newest first, with reports if the view is FULL. Jobs of the caller's own tenant; a caller with the right all-jobs
-  // gets the jobs of the tenant it asks for, or of all tenants. INVALID_ARGUMENT with REQUEST_INVALID.
+  // A page of jobs, newest first, with reports if the view is FULL. Callers get the jobs of their own tenant; a caller
+  // with the right all-jobs gets those of the tenant it asks for, or of all tenants. INVALID_ARGUMENT with
+  // REQUEST_INVALID.
   absl::StatusOr<JobPage> List(const Caller& caller, const v1::ListJobsRequest& request) const;
 
   // The job's events and, after the last one, its UV. Both stay valid as long as the caller holds them. `attach`: the
@@ -75,25 +77,25 @@ class JobManager {
   // with only the right to submit can watch, stop and cancel jobs that the same credentials created.
   absl::StatusOr<WatchedJob> Watch(const Caller& caller, const std::string& name, bool attach, bool include_uv);
 
-  // NOT_FOUND with RESULT_EXPIRED if the UV are gone, FAILED_PRECONDITION with JOB_NOT_FINISHED or NO_RESULT. Allowed
-  // for the same callers as Watch().
+  // The UV of a job. NOT_FOUND with RESULT_EXPIRED if they are gone, FAILED_PRECONDITION with JOB_NOT_FINISHED or
+  // NO_RESULT. Allowed for the same callers as Watch().
   absl::StatusOr<JobResult> OpenResult(const Caller& caller, const std::string& name);
 
   // A queued job becomes CANCELLED at once. A running job becomes STOPPING, its worker is told to cancel, and any
-  // result is discarded. A job that has ended does not change. UNAVAILABLE with DRAINING after Suspend(): the next
-  // process will do it. RESOURCE_EXHAUSTED with STORAGE_FULL if it cannot be written: then nothing has changed. Both
-  // with a retry delay.
+  // result is discarded. A job that has ended does not change. UNAVAILABLE with DRAINING after Suspend(): the caller
+  // can cancel it at the next process. RESOURCE_EXHAUSTED with STORAGE_FULL if the change cannot be written; then
+  // nothing has changed. Both errors have a retry delay.
   absl::StatusOr<v1::Job> Cancel(const Caller& caller, const std::string& name);
 
   // A running job becomes STOPPING; its worker is told to stop once every job that shares the work was stopped. A
   // queued job is stopped when it runs. A job that has ended does not change. Errors as of Cancel().
   absl::StatusOr<v1::Job> Stop(const Caller& caller, const std::string& name);
 
-  // FAILED_PRECONDITION with JOB_NOT_FINISHED.
+  // Deletes a job that has ended, with its result. FAILED_PRECONDITION with JOB_NOT_FINISHED for other jobs.
   absl::Status Delete(const Caller& caller, const std::string& name);
 
-  // `mesh_bytes` and `size` as in planish.v1.EstimateJobRequest. INVALID_ARGUMENT as Create(); other reasons for which
-  // Create() would refuse the job now are in the answer.
+  // Estimates a job without creating it. `mesh_bytes` and `size` as in planish.v1.EstimateJobRequest. INVALID_ARGUMENT
+  // as Create(); other reasons for which Create() would refuse the job now are in the answer.
   absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
                                            const v1::MeshSize& size) const;
 
@@ -105,17 +107,17 @@ class JobManager {
   ManagerStats Stats() const;
   // Whether new jobs are refused.
   bool IsDraining() const { return draining_; }
-  // If a limit becomes lower, jobs beyond it stay queued until they run; results and records beyond it are dropped by
-  // the next Tick().
+  // Changes the limits. If a limit becomes lower, jobs beyond it stay queued until they run; results and records beyond
+  // it are dropped by the next Tick().
   void SetLimits(const JobLimits& limits);
   JobLimits Limits() const { return context_.Limits(); }
   JobCapacity Capacity() const { return context_.Capacity(); }
 
   // ---- for UploadStore
 
-  // Evicts old results so that the tenant may keep `bytes` more: its own results, or, if it has less than its part,
-  // those of the tenant that has most. False if there is nothing left to evict. Do not call it while holding a lock
-  // that `is_blob_used` takes.
+  // Evicts old results so that the tenant may keep `bytes` more: the tenant's own, or, if it has less than an equal
+  // part of the store, those of the tenant that has most. False if there is nothing left to evict. Do not call it while
+  // holding a lock that JobManagerOptions::is_blob_used takes.
   bool MakeRoom(const std::string& tenant, std::int64_t bytes);
   // As JobRetention::CheckDisk().
   absl::Status CheckDisk(const std::string& tenant, std::int64_t bytes) { return retention_.CheckDisk(tenant, bytes); }
@@ -164,7 +166,7 @@ class JobManager {
   // The job, if the caller may see it; with `may_follow`, also if the caller may submit and the same credentials
   // created the job.
   absl::StatusOr<JobRecord> Find(const Caller& caller, const std::string& name, bool may_follow = false) const;
-  // With its place in the queue and its progress.
+  // The job as callers see it: with its place in the queue and its progress.
   absl::StatusOr<v1::Job> Snapshot(const JobRecord& record) const;
   absl::StatusOr<v1::Job> Change(const Caller& caller, const std::string& name,
                                  const std::function<absl::StatusOr<JobChange>()>& verb);
@@ -184,11 +186,11 @@ class JobManager {
   JobAdmission admission_;
 
   std::atomic<bool> draining_ = false;
-  std::atomic<bool> ending_ = false;  // cannot be taken back
+  std::atomic<bool> ending_ = false;  // drains for the shutdown, so Undrain() fails
   std::atomic<bool> suspended_ = false;
 
-  absl::Time next_look_ = absl::InfinitePast();     // of Tick(); used by its thread only
-  absl::Time next_tidying_ = absl::InfinitePast();  // of Tidy(), in the same way
+  absl::Time next_look_ = absl::InfinitePast();     // used by the thread of Tick() only
+  absl::Time next_tidying_ = absl::InfinitePast();  // used by the thread of Tidy() only
 
   std::mutex mutex_;
   std::function<void()> on_idle_;  // guarded by mutex_

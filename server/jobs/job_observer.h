@@ -20,7 +20,7 @@ enum class JobOrigin {
   kKeptResult,  // the result of a job that has ended
 };
 
-// Called in order, while the manager holds a lock: must be quick and must not call back.
+// Its functions are called in order, while the manager holds a lock: they must be quick and must not call the manager.
 class JobObserver {
  public:
   virtual ~JobObserver() = default;

@@ -41,16 +41,16 @@ struct JobLimits {
 // Where jobs may run.
 struct JobCapacity {
   int workers = 0;                                    // of all servers that share the store
-  int servers = 1;                                    // that have workers
+  int servers = 1;                                    // servers that have workers
   std::int64_t memory_bytes = std::int64_t{1} << 60;  // largest memory of any of the servers: the bound for one job
-  std::int64_t total_memory_bytes = memory_bytes;     // of all servers
+  std::int64_t total_memory_bytes = memory_bytes;     // memory of all servers together
 };
 
 struct JobManagerOptions {
   JobLimits limits;  // initial values; JobManager::SetLimits() changes them
   int workers = 1;   // pieces of work that run concurrently
   int threads = 1;   // most threads of a job
-  // Of `workers`, reserved for work expected to take at most `short_time`.
+  // How many of `workers` are reserved for work that is expected to take at most `short_time`.
   int short_workers = 0;
   absl::Duration short_time = absl::Seconds(10);
   int queue_total = 1024;                                 // waiting jobs of all tenants: QueueLimits
@@ -63,10 +63,10 @@ struct JobManagerOptions {
   std::int64_t max_triangles = std::int64_t{1} << 40;  // declared or decoded triangles of a mesh
   std::int64_t memory_bytes = std::int64_t{1} << 60;   // reserved by all running jobs together
   std::size_t events_per_job = 256;                    // JobEventLog capacity
-  absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
-  int max_attempts = 3;                                // attempts of a job, each lost with its worker or server, >= 1
+  absl::Duration obey_limit = absl::Seconds(5);        // longest time from a cancellation to the worker's end
+  int max_attempts = 3;                                // >= 1; a job fails after so many lost workers or servers
   absl::Duration retry_delay = absl::Seconds(1);       // in refusals for which no better delay is known
-  // Lease of running work; renewed kRenewalsPerLease times per lease.
+  // Duration of the lease of running work, within which it is renewed kRenewalsPerLease times.
   absl::Duration lease = absl::Seconds(15);
   // Interval at which one job's progress is written; longer if many workers share the store; 0: every report at once.
   absl::Duration report_interval = absl::Milliseconds(200);
@@ -93,7 +93,7 @@ struct JobManagerOptions {
 // What the parts of a JobManager share: options, stores and callbacks. Thread-safe.
 class JobContext {
  public:
-  // Both stores outlive the object.
+  // `job_store` and `blob_store` outlive the object.
   JobContext(JobManagerOptions manager_options, JobStore* job_store, BlobCatalog* blob_store)
       : options(std::move(manager_options)), store(*job_store), blobs(*blob_store), limits_(options.limits) {}
 
@@ -106,7 +106,7 @@ class JobContext {
     limits_ = limits;
   }
 
-  // For each verb of the store.
+  // The context that each verb of the store is called with.
   VerbContext Verb() const { return {Limits().retained_time, options.max_attempts}; }
 
   JobCapacity Capacity() const {

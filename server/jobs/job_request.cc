@@ -73,8 +73,8 @@ absl::Status CheckScheduling(const v1::Scheduling& scheduling) {
   return CheckDuration("scheduling.compute_budget", scheduling.has_compute_budget(), scheduling.compute_budget());
 }
 
-// The same bytes for equal messages. Protobuf guarantees this only within one version of a program, which suffices for
-// a cache: another version computes the result again.
+// Serializes `message`; equal messages give the same bytes. Protobuf guarantees this only within one version of a
+// program, which suffices for a cache: another version computes the result again.
 std::string Deterministic(const google::protobuf::Message& message) {
   std::string bytes;
   google::protobuf::io::StringOutputStream stream(&bytes);
@@ -186,7 +186,7 @@ std::string WorkKey(const std::string& tenant, const JobRequest& request, std::s
       options.GetReflection()->ClearField(&options, fields.field(i));
     }
   }
-  // The lengths separate the fields.
+  // Slashes and lengths separate the fields, so that different requests never give the same text.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
       absl::string_view(elements_sha256.data(), elements_sha256.size()), "/",

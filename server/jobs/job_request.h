@@ -37,7 +37,7 @@ struct JobRequest {
   std::string bytes;        // of the mesh: Draco, or arrays as a worker gets them (planish.worker.v1.WorkRequest)
   BlobPtr mesh;             // in place of `bytes`: a mesh that the server already has
   std::string mesh_sha256;  // of `mesh`; empty: unknown
-  std::optional<std::int64_t> array_vertices;  // if the mesh comes as arrays
+  std::optional<std::int64_t> array_vertices;  // number of vertices, if the mesh comes as arrays
   v1::MeshElements elements;
   v1::UnwrapOptions options;
   v1::Scheduling scheduling;
@@ -58,10 +58,10 @@ struct JobRequest {
   v1::UnwrapOptions OptionsForNeeds() const;
 };
 
-// The counts of a mesh that is sent as arrays of `bytes` bytes in all.
+// The numbers of triangles and vertices of a mesh that is sent as arrays of `bytes` bytes in all.
 v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices);
 
-// RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
+// The error for a mesh of more than `limit` bytes: RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 
 // Moves the mesh, its seams and everything else out of `spec`. The caller of this function looks up an upload or a
@@ -69,16 +69,16 @@ absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 // have no triangle (MESH_EMPTY), naming the field.
 absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec);
 
-// INVALID_ARGUMENT naming the field of planish.v1.JobSpec, or "request_id" (metadata "field"; reason MESH_MISSING,
-// REQUEST_INVALID, OPTIONS_INVALID of DecodeMeshElements() (server/link/mesh_elements.h), or what `validate_options`
-// says); RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
+// Checks a request. INVALID_ARGUMENT with the wrong field of planish.v1.JobSpec, or "request_id", as metadata "field";
+// the reason is MESH_MISSING, REQUEST_INVALID, OPTIONS_INVALID of DecodeMeshElements() (server/link/mesh_elements.h),
+// or that of `validate_options`, which may be null. RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
 
 // The result of `validate` (may be null), with the field's path in planish.v1.JobSpec.
 absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate);
 
-// The second blob of a WorkRequest; empty if the request says nothing about elements.
+// The elements as the bytes of a WorkRequest's second blob; empty if the request says nothing about elements.
 std::string PackElements(const JobRequest& request);
 
 // SHA-256 of everything that determines the result, and of the tenant, since tenants share nothing. Options that do not

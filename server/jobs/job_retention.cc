@@ -159,7 +159,7 @@ void JobRetention::NoteLimits() {
 }
 
 void JobRetention::Retain() {
-  // The thread that is dropping covers this too, or else the next Tick() does.
+  // If another thread is dropping results now, that thread or the next Tick() also does what this call was to do.
   const std::unique_lock turn(retaining_, std::try_to_lock);
   if (!turn.owns_lock()) return;
   const absl::StatusOr<absl::Time> now = context_.store.Now();
@@ -184,7 +184,7 @@ absl::StatusOr<absl::Time> JobRetention::DropOld(absl::Time now) {
   const JobLimits limits = context_.Limits();
   // No job that ends from now on is too old before this time.
   absl::Time next = now + std::min(limits.retained_time, limits.retained_record_time);
-  // Whether the record, the oldest of its kind, is too old.
+  // Whether `record`, the oldest of its kind, is too old. If not, `next` becomes at most the time at which it will be.
   const auto is_old = [&](const std::optional<JobRecord>& record, absl::Duration retained_time) {
     if (!record.has_value()) return false;
     const absl::Time end =
@@ -220,8 +220,8 @@ void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& total
     bytes -= (*oldest)->job().uv().total_bytes();
   }
   while (record_bytes > limits.retained_record_bytes && ended > 1) {
-    // Drops as many records as exceed the limit if all have the same size, so that hardly more are dropped than
-    // necessary.
+    // If all records had the same size, `share` of them would exceed the limit. Drops half as many and looks again, so
+    // that hardly more are dropped than necessary.
     const double share = 1 - static_cast<double>(limits.retained_record_bytes) / static_cast<double>(record_bytes);
     const double surplus = std::clamp(share * static_cast<double>(ended) / 2, 1.0, double{kForgottenAtOnce});
     const absl::StatusOr<std::vector<JobRecord>> gone = context_.store.DeleteOldest(tenant, static_cast<int>(surplus));

@@ -37,7 +37,8 @@ class BlobHold {
   BlobId id_;
 };
 
-// Thread-safe. No lock is held while the store is asked.
+// Drops old results and records, and collects unused blobs. Thread-safe. No lock that calls of clients need is held
+// while the store is asked.
 class JobRetention {
  public:
   // `context` outlives the object.
@@ -47,10 +48,10 @@ class JobRetention {
   void Open();
 
   BlobHold Hold(const BlobId& id);
-  // Puts a blob into the blob store. If it is full, evicts old results: the tenant's own, or, if it has less than its
-  // part, those of the tenant that has most. Call Hold() first.
+  // Puts a blob into the blob store. If the store is full, evicts old results: the tenant's own, or, if the tenant has
+  // less than an equal part of the store, those of the tenant that has most. Call Hold() first.
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, const std::string& sha256);
-  // Pending: small blobs of the tenant that are to be committed with a record. Committed: tells that they were.
+  // Pending: small blobs of the tenant that are to be committed with a record. Committed: call it when they were.
   std::vector<BlobRow> Pending(const std::string& tenant, const std::vector<std::string>& digests) const;
   void Committed(const std::vector<BlobRow>& blobs) const;
 
@@ -83,12 +84,12 @@ class JobRetention {
   void RetainOf(const std::string& tenant, const TenantTotals& totals);
   void NoteUnused(const JobRecord& record);
   bool IsUsed(const BlobId& id) const;
-  // Whether the blob need not be looked at again.
+  // Removes the blob unless it is used or held. Returns false if that must be tried again later.
   bool Collect(const BlobId& id);
 
   JobContext& context_;
 
-  // Lets one thread at a time drop; held while the store is asked, so calls of clients never wait for it.
+  // Lets one thread at a time drop results. It is held while the store is asked, so calls of clients never wait for it.
   std::mutex retaining_;
 
   std::mutex mutex_;
@@ -96,8 +97,8 @@ class JobRetention {
   // Guarded by mutex_.
   std::map<BlobId, int> held_;
   std::set<BlobId> collecting_;
-  std::set<BlobId> unused_;                        // to be checked: may be unused
-  std::vector<BlobId> sweep_;                      // to be checked too, a few at a time
+  std::set<BlobId> unused_;                        // blobs that may be unused: to be checked
+  std::vector<BlobId> sweep_;                      // other blobs to be checked, a few at a time
   absl::Time next_sweep_ = absl::InfinitePast();   // next check of all blobs, by the steady clock
   absl::Time next_expiry_ = absl::InfinitePast();  // when the next result or record is too old, by the store's clock
 };

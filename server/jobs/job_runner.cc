@@ -15,7 +15,8 @@
 namespace planish {
 namespace {
 
-// Weight of a new measurement in the seconds factor, and the bounds within which an estimate's error is believed.
+// Weight of a new measurement in the seconds factor. A measured ratio counts as at most kMostFactor, and at least 1 /
+// kMostFactor.
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
@@ -24,7 +25,7 @@ constexpr double kMostFactor = 100;
 constexpr int kEnlargement = 2;
 constexpr int kMostEnlargements = 2;
 
-// Poll interval for work when notifications come in, and for work and desired states when none do.
+// Poll intervals: for work, if the store sends notifications; and for work and desired states, if it sends none.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
 // Pending reports of progress that are written at once, before the interval has passed. If they cannot be written, this
@@ -35,7 +36,7 @@ constexpr std::size_t kMostProgress = 4096;
 // the jobs themselves (deploy/FARM.md, "How large").
 constexpr double kReportsPerSecond = 200;
 
-// Out of memory is not retried: another attempt would need as much.
+// Whether the worker was lost because memory ran out. This is not retried, since another attempt would need as much.
 bool IsOutOfMemory(const WorkerLoss& loss) {
   return loss.reason == "OUT_OF_MEMORY";
 }
@@ -188,7 +189,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   if (!blobs.ok()) {
     absl::Status status = blobs.status();
     if (IsLost(status)) {
-      // Their request ids are free: a caller that has the mesh sends it again, for a new job.
+      // `forget` frees the jobs' request ids, so that a caller who has the mesh can send it again for a new job.
       const google::rpc::Status error = ToRpcStatus(MeshLost(status));
       status = absl::OkStatus();
       for (const JobChange& job : work.jobs) {
@@ -208,7 +209,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
     if (released.ok()) {
       Tell(*released);
     } else {
-      context_.TellError(released.status());  // its lease expires by itself
+      context_.TellError(released.status());  // the lease expires by itself
     }
     Forget(work.lease);
     return false;
@@ -528,7 +529,7 @@ void JobRunner::End(Ending ending) {
     return;
   }
   Forget(ending.work.lease);
-  if (!changes.ok()) return;  // all its jobs have ended in another way, or another server runs it
+  if (!changes.ok()) return;  // all jobs of the work have ended in another way, or another server runs it
   retention_.Committed(ending.outcome.blobs);
   if (!ending.loss.reason.empty() && context_.options.observer != nullptr) {
     const auto again = std::count_if(changes->begin(), changes->end(), [](const JobChange& change) {
@@ -563,7 +564,7 @@ void JobRunner::GiveBack() {
     for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
     unwritten_.clear();
   }
-  // If an end cannot be written, it is lost, and the job runs again.
+  // An end that cannot be written now is lost, and its jobs run again.
   for (Ending& ending : endings) End(std::move(ending));
   const absl::Status released = context_.store.Release(context_.Verb(), owner_).status();
   if (!released.ok()) context_.TellError(released);

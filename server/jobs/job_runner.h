@@ -28,15 +28,15 @@ namespace planish {
 // Thread-safe. No lock is held while the store is asked.
 class JobRunner : public JobSource {
  public:
-  // All outlive the object. `owner`: the owner of this process's leases; unique to the process.
+  // The objects outlive the runner. `owner`: the owner of this process's leases; unique to the process.
   JobRunner(JobContext* context, JobFeed* feed, JobRetention* retention, std::string owner);
 
   // ---- for WorkerPool
 
-  // Waits until the store grants work to this owner. The work's jobs are RUNNING, and durably so, before it returns: an
-  // attempt that takes the machine down counts. The assignment is named after one of the jobs; attempts count 1, 2, ...
-  // for each piece of work. If a mesh cannot be read or the start cannot be written at the moment, no work starts until
-  // the retry delay has passed. Returns kOver after Stop().
+  // Waits until the store grants work to this owner. Before it returns, the store has durably noted that the work's
+  // jobs are RUNNING, so that an attempt counts even if it takes the machine down. The assignment is named after one of
+  // the jobs; attempts count 1, 2, ... for each piece of work. If a mesh cannot be read or the start cannot be written
+  // at the moment, no work starts until the retry delay has passed. Returns kOver after Stop().
   Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override;
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
@@ -56,7 +56,8 @@ class JobRunner : public JobSource {
 
   // ---- for callers
 
-  // RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at `work` has ended and that cannot be written at the moment.
+  // OK, or RESOURCE_EXHAUSTED with STORAGE_FULL if the attempt at `work` has ended and its end cannot be written at the
+  // moment.
   absl::Status CheckWritten(const std::string& work, const std::string& job) const;
   // Recent ratio of actual to estimated seconds of work.
   double seconds_factor() const { return seconds_factor_; }
@@ -64,7 +65,7 @@ class JobRunner : public JobSource {
   int running() const;
   const std::string& owner() const { return owner_; }
 
-  // The mesh, and the seams if there are any. NOT_FOUND or DATA_LOSS if either is lost.
+  // The job's mesh, and its mesh elements if there are any. NOT_FOUND or DATA_LOSS if either is lost.
   absl::StatusOr<std::vector<BlobPtr>> LoadBlobs(const JobRecord& record);
   // The error of a job whose LoadBlobs() failed with `why`.
   static absl::Status MeshLost(const absl::Status& why);
@@ -81,7 +82,7 @@ class JobRunner : public JobSource {
  private:
   struct Attempt {
     ClaimedWork work;    // as claimed
-    absl::Time start;    // by the steady clock
+    absl::Time start;    // when the attempt began, by the steady clock
     absl::Time renewed;  // time of the last renewal of the lease, by the steady clock
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
@@ -89,7 +90,7 @@ class JobRunner : public JobSource {
     bool look = false;        // the desired state in the store may have changed
     absl::Time obey_by = absl::InfiniteFuture();
     std::vector<v1::Progress> progress;  // not written yet
-    absl::Time reported;                 // by the steady clock
+    absl::Time reported;                 // when progress was last written, by the steady clock
     bool reporting = false;              // a thread is writing progress
     bool ended = false;                  // a thread is writing the end, or it is in unwritten_
   };
@@ -98,18 +99,19 @@ class JobRunner : public JobSource {
   struct Ending {
     ClaimedWork work;
     AttemptOutcome outcome;
-    BlobPtr uv_bytes;  // until they are stored; null: none
+    BlobPtr uv_bytes;  // the UV until they are stored; null: none
     StoredBlobPtr uv;
-    BlobHold hold;    // of the UV
-    WorkerLoss loss;  // with AttemptOutcome::loss or memory_bytes
+    BlobHold hold;    // keeps the UV from being collected
+    WorkerLoss loss;  // set if the attempt was lost or needs more memory
     absl::Duration duration;
   };
 
-  // Null if that attempt has ended, or its end is being written. Requires mutex_.
+  // This attempt; null if it has ended, or its end is being written. Requires mutex_.
   Attempt* Find(const std::string& name, int attempt);
   // Claims work for all threads that wait. Requires `lock`, which is released meanwhile.
   void Claim(std::unique_lock<std::mutex>* lock);
-  // Fills in what a worker needs. False if that is not possible: then the work was released, or its jobs have failed.
+  // Fills *assignment for a worker. False if a mesh cannot be read; then the work was released, or its jobs have
+  // failed.
   bool Prepare(const ClaimedWork& work, JobAssignment* assignment);
   // Starts no work until the retry delay has passed, because of `why`.
   void Postpone(const absl::Status& why);
@@ -124,7 +126,8 @@ class JobRunner : public JobSource {
   absl::Duration ReportInterval() const;
   // Writes the pending progress, unless another thread does.
   void WriteProgress(const std::string& work);
-  // Starts the end of the attempt, with its pending progress. Empty if this process no longer has the lease.
+  // Begins to end the attempt: returns its Ending, with its pending progress. Nullopt if this process no longer has the
+  // lease.
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);
   // Writes the end and tells the watchers. If that fails, Tick() tries again.
   void End(Ending ending);

@@ -80,8 +80,8 @@ absl::Status LocalUploads::Recover(const std::string& file_name,
     return absl::OkStatus();
   }
   if (!state.complete && state.committed_bytes == state.total_bytes) {
-    // The process ended before it could make the upload complete. The client's next message will: it sends the last
-    // byte.
+    // The process ended before it could make the upload complete. Drops the last byte, so that the client sends it
+    // again, which completes the upload.
     --state.committed_bytes;
     if (truncate(path.c_str(), state.committed_bytes) != 0) {
       return InternalError(absl::StrCat("cannot cut ", path, ": ", std::strerror(errno)));
@@ -95,8 +95,8 @@ absl::Status LocalUploads::Recover(const std::string& file_name,
 
 absl::StatusOr<UploadPlace::Added> LocalUploads::Add(UploadState fresh, const Admit& admit) {
   fresh.used = options_.clock();
-  // Without the lock, since it waits for the disk. If there is an upload with this id the mark is harmless: its blob is
-  // there.
+  // Marks without the lock, since this waits for the disk. If there already is an upload with this id, the mark is
+  // harmless: the blob that it stands for exists.
   if (fresh.complete) PLANISH_RETURN_IF_ERROR(MarkComplete(fresh));
   const std::lock_guard lock(mutex_);
   if (const auto found = entries_.find(fresh.id); found != entries_.end()) return Added{found->second.state, false};

@@ -20,15 +20,15 @@
 namespace planish {
 
 struct LocalUploadsOptions {
-  // Exists and belongs to this object alone, on the file system of the blobs' directory: uploads outlive the process.
-  // Empty: in memory.
+  // The directory of the uploads, which then outlive the process. It exists, belongs to this object alone, and is on
+  // the file system of the blobs' directory. Empty: uploads are in memory.
   std::string directory;
   std::function<absl::Time()> clock;
   FileLayer* files = FileLayer::System();  // for marks of complete uploads
 };
 
-// An upload under way is a file, and a complete one an empty file, its mark. The name of each has all data about the
-// upload beside its bytes, so that data and bytes never disagree after a crash.
+// An upload under way is a file with its bytes; a complete one is an empty file, its mark. The file's name has all
+// other data about the upload, so that data and bytes never disagree after a crash.
 class LocalUploads : public UploadPlace {
  public:
   explicit LocalUploads(LocalUploadsOptions options) : options_(std::move(options)) {}
@@ -48,10 +48,10 @@ class LocalUploads : public UploadPlace {
  private:
   struct Entry {
     UploadState state;
-    std::shared_ptr<UploadFile> file;  // until complete
+    std::shared_ptr<UploadFile> file;  // null once the upload is complete
   };
 
-  // `suffix`: that of uploads under way, or that of complete ones.
+  // The path of the upload's file. `suffix`: ".part" for an upload under way, ".done" for a complete one.
   std::string PathOf(const UploadState& state, const char* suffix) const;
   absl::Status Recover(const std::string& file_name, const std::function<bool(const BlobId& id)>& has_blob);
   absl::Status MarkComplete(const UploadState& state);
@@ -59,7 +59,7 @@ class LocalUploads : public UploadPlace {
 
   const LocalUploadsOptions options_;
   std::mutex mutex_;
-  // Guarded by mutex_; by id.
+  // By id. Guarded by mutex_.
   std::unordered_map<std::string, Entry> entries_;
 };
 

@@ -17,7 +17,7 @@ struct WaitingJobs {
   absl::Duration longest;  // time since the oldest of them was accepted; 0 if there are none
 };
 
-// Current numbers; counts are since the start of this process.
+// Current numbers. `accepted`, `refused` and `shared` count since the start of this process.
 struct TenantStats {
   std::string tenant;
   int queued = 0;  // waiting jobs, including those that share work
@@ -36,20 +36,20 @@ struct ManagerStats {
   bool store_answered = true;  // if false, the numbers are incomplete
   bool draining = false;
   int workers = 0;       // pieces of work that may run at a time, on all servers that share the store
-  int own_workers = 0;   // on this server
-  int queued = 0;        // jobs
-  int running = 0;       // jobs
-  int queued_work = 0;   // pieces of work; bounded by queue_total
+  int own_workers = 0;   // pieces of work that may run at a time on this server
+  int queued = 0;        // waiting jobs
+  int running = 0;       // jobs RUNNING or STOPPING
+  int queued_work = 0;   // waiting pieces of work; bounded by queue_total
   int running_work = 0;  // pieces of work that workers have
   int queue_total = 0;
   std::int64_t reserved_memory_bytes = 0;  // by work that runs on this server
-  std::int64_t all_reserved_bytes = 0;     // on all servers that share the store
-  std::int64_t all_memory_bytes = 0;       // that may be reserved on all of them
+  std::int64_t all_reserved_bytes = 0;     // by work on all servers that share the store
+  std::int64_t all_memory_bytes = 0;       // memory that may be reserved on all these servers
   std::int64_t stored_bytes = 0;
   std::int64_t store_bytes = 0;  // capacity of the store
   absl::Duration oldest_wait;    // 0 if no job waits
   std::map<std::string, std::int64_t> refused_by_reason;
-  std::vector<TenantStats> tenants;  // with jobs, bytes or calls; by name
+  std::vector<TenantStats> tenants;  // tenants with jobs, bytes or calls; by name
 
   // Adds a count of unfinished jobs of one tenant. `tenant`: the stats of that tenant.
   void Add(const JobCount& counted, absl::Time now, TenantStats* tenant);

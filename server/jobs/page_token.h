@@ -16,8 +16,8 @@ struct PageList {
   std::string filter;  // as the caller wrote it
 };
 
-// The token reveals nothing to callers, who do not know the store's id. It must not: job numbers count the jobs of all
-// tenants.
+// The token of the page with the jobs before `before_number`. Callers cannot read the number, since they do not know
+// the store's id: job numbers count the jobs of all tenants.
 std::string EncodePageToken(const PageList& list, std::int64_t before_number);
 
 // The job number before which the page begins; 0 for an empty token. INVALID_ARGUMENT if `token` was made by another

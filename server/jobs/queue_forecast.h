@@ -13,13 +13,13 @@
 
 namespace planish {
 
-// A snapshot of the queue, and what was added to it. Assumes that no other work arrives, that work takes as long as
-// expected, and, for positions, that no tenant reaches its limit of running work. Not thread-safe; all functions are
-// linear in the queue's length.
+// A snapshot of the queue, and the work that was added to it since. Assumes that no other work arrives, that work takes
+// as long as expected, and, for positions, that no tenant reaches its limit of running work. Not thread-safe; all
+// functions are linear in the queue's length.
 class QueueForecast {
  public:
-  // `limits` null: the default limits for every tenant. `workers`: those of all servers that run work. `factor`: recent
-  // ratio of actual to estimated seconds, > 0.
+  // `limits` null: the default limits for every tenant. `workers`: the number of workers of all servers. `factor`:
+  // recent ratio of actual to estimated seconds, > 0.
   QueueForecast(QueueState state, const TenantLimitsSource& limits, int workers, double factor);
 
   QueueForecast(QueueForecast&&) = default;
@@ -34,7 +34,7 @@ class QueueForecast {
   // Pieces of work that will be claimed before `work`; 0 if it does not wait.
   int Position(const std::string& work) const;
 
-  // Roughly the seconds until work would be claimed that this tenant adds now.
+  // Work that this tenant adds now would be claimed in roughly this many seconds.
   double SecondsUntilTurn(const std::string& tenant) const;
 
   // Seconds until a tenant without room may have room again; empty if unknown.
@@ -70,7 +70,7 @@ class QueueForecast {
   double Remaining(const WorkRow& work) const;
   // Remaining seconds of the running work that ends first; of one tenant's work if `tenant` is not null.
   std::optional<double> UntilNextEnd(const Tenant* tenant) const;
-  // Work of other tenants that is claimed before `turn`.
+  // The waiting work that is claimed before `turn`, without that of the tenant `except`.
   Ahead AheadOf(const Turn& turn, const std::string& except) const;
 
   QueueState state_;

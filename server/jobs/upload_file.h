@@ -47,7 +47,7 @@ class UploadFile {
   const std::string path_;
   std::int64_t size_;
   Descriptor file_;
-  RunningSha256 hash_, hash_before_;  // of the bytes now, and before the last Append()
+  RunningSha256 hash_, hash_before_;  // of the first hashed_ bytes, now and before the last Append()
   std::int64_t hashed_ = 0;           // bytes that went into hash_
   std::int64_t size_before_ = 0;
 };

@@ -36,12 +36,12 @@ bool IsStorageFull(const absl::Status& status) {
   return ErrorInfoOf(status).reason == "STORAGE_FULL";
 }
 
-// Transient errors: no room, no descriptors, no memory, an unreachable store.
+// Whether the error is transient: no room, no descriptors, no memory, or an unreachable store.
 bool MayPass(const absl::Status& status) {
   return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
 }
 
-// Empty if this is not the name of an upload.
+// The id in the name of an upload; empty for any other name.
 std::string IdOf(const std::string& name) {
   return name.starts_with(kUploads) ? name.substr(kUploads.size()) : "";
 }
@@ -160,7 +160,7 @@ absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1
     return absl::OkStatus();
   });
   if (!is_there.ok()) return Later(is_there.status());
-  // It was deleted just now: the caller's next attempt makes another one.
+  // The upload was deleted just now: the caller's next attempt makes a new one.
   if (!*is_there) return Busy(name);
   return ToProto(used);
 }
@@ -259,7 +259,7 @@ absl::StatusOr<UploadWriter> UploadStore::Write(const Caller& caller, const std:
   const absl::StatusOr<bool> is_there =
       place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
         if (state->tenant != caller.tenant) return UploadNotFound(name);
-        // A lost connection may go unnoticed for long; its client must not have to wait for that.
+        // A lost connection may go unnoticed for long, and its client must not have to wait until it is noticed.
         const bool gives_way = !state->appending && now - state->used >= options_.writer_limit;
         if (state->writer != 0 && !gives_way) return Busy(name);
         token = state->writer = ++state->last_writer;
@@ -311,7 +311,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
       },
       piece.ok() ? &*piece : nullptr);
   if (!is_there.ok()) {
-    // Another writer took over, or the place is unreachable: the piece does not count.
+    // Another writer took over, or the place is unreachable, so the piece does not count.
     const bool is_fenced = absl::IsAborted(is_there.status()) && !place_->knows_writers();
     if (piece.ok() && is_fenced) place_->Undo(before, *piece).IgnoreError();
     return Later(is_there.status());
@@ -322,7 +322,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   }
   if (MayPass(status)) return Later(status);
   if (!status.ok()) {
-    // Wrong bytes void the upload, and so does a file whose contents are unknown.
+    // The upload is void if its bytes are wrong, or if an error left its file with unknown contents.
     const bool is_void = absl::IsInvalidArgument(status) || (place_->knows_writers() && !is_lost);
     if (is_void) PLANISH_RETURN_IF_ERROR(place_->Erase(before, /*if_unused=*/false));
     return status;
@@ -349,7 +349,7 @@ absl::StatusOr<UploadPiece> UploadStore::TakeIn(const UploadState& state, std::s
 }
 
 void UploadStore::Release(const UploadWriter& writer) {
-  // An unreachable place will find that the writer was silent, some seconds later.
+  // If the place is unreachable now, the writer gives way later, when it has been silent for writer_limit.
   place_
       ->Change(writer.id_,
                [&](UploadState* state, absl::Time) {
@@ -416,7 +416,7 @@ void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
 
 void UploadStore::Tick(absl::Time now) {
   const absl::StatusOr<std::vector<UploadState>> states = place_->List();
-  if (!states.ok()) return;  // the next one will do it
+  if (!states.ok()) return;  // the next Tick() tries again
   for (const UploadState& state : *states) {
     if (state.appending || now - state.used < options_.idle_limit) continue;
     place_->Erase(state, /*if_unused=*/true).IgnoreError();

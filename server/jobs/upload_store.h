@@ -34,8 +34,8 @@ namespace planish {
 struct UploadStoreOptions {
   // Holds the uploads; outlives the store. Null: they are in `directory`.
   UploadPlace* place = nullptr;
-  // Exists and belongs to this store alone, on the file system of the blobs' directory: uploads outlive the process.
-  // Empty: in memory.
+  // The directory of the uploads, which then outlive the process. It exists, belongs to this store alone, and is on the
+  // file system of the blobs' directory. Empty: uploads are in memory.
   std::string directory;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   // Uploads under way of all tenants, and the bytes that they announced. If other tenants use all of it, a tenant still
@@ -50,7 +50,7 @@ struct UploadStoreOptions {
   // If there is no room, an upload under way that was not used for this long gives way to a new one of its tenant.
   absl::Duration gives_way_after = absl::Minutes(1);
   absl::Duration retry_delay = absl::Seconds(2);  // sent with QUEUE_FULL and STORAGE_FULL
-  std::function<absl::Time()> clock = absl::Now;  // of `directory`
+  std::function<absl::Time()> clock = absl::Now;  // for uploads in `directory`
   std::function<std::string()> new_id = RandomId;
   FileLayer* files = FileLayer::System();  // for marks of complete uploads in `directory`
 };
@@ -67,8 +67,8 @@ class UploadWriter {
 
   const std::string& name() const { return name_; }
 
-  // `data` begins at byte `offset` of the mesh. Adds those of its bytes that the upload does not have yet: all of them
-  // or, after an error, none. May take long (files, digests). With its last byte the upload becomes complete.
+  // `data` begins at byte `offset` of the mesh. Adds those bytes of `data` that the upload does not have yet: all of
+  // them or, after an error, none. May take long (files, digests). With its last byte the upload becomes complete.
   // OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH ("committed_bytes"), ABORTED with UPLOAD_BUSY if another writer took over,
   // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and UNAVAILABLE
   // with STORE_UNAVAILABLE, both with a retry delay, INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is
@@ -93,8 +93,8 @@ struct UploadedMesh {
 // The result of UploadStore::Gauges().
 struct UploadGauges {
   // Current, or as of the last answer of the place.
-  int open = 0;                      // under way
-  std::int64_t announced_bytes = 0;  // by the uploads under way
+  int open = 0;                      // uploads under way
+  std::int64_t announced_bytes = 0;  // bytes that these uploads announced
   // Counts of this store since it was made.
   std::int64_t received_bytes = 0;    // bytes that the uploads did not have yet
   std::int64_t complete_at_once = 0;  // uploads of meshes that the server already had
@@ -104,19 +104,19 @@ struct UploadGauges {
 // UPLOAD_NOT_FOUND; uploads of other tenants get exactly the same answer, also for callers with the right all-jobs.
 class UploadStore {
  public:
-  // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
+  // Complete uploads become blobs in `blobs`, which must outlive the store and be opened before it.
   UploadStore(UploadStoreOptions options, BlobCatalog* blobs);
 
   // Called, without a lock held, when an upload is complete and the store is full. Returns whether it made room for
-  // `bytes` of this tenant. Call it before any other function.
+  // `bytes` of this tenant. Call SetMakeRoom() before any other function.
   using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
   void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
-  // Called, without a lock held, to check that the disk has room for `bytes` that this tenant is about to send. Call it
-  // before any other function.
+  // Called, without a lock held, to check that the disk has room for `bytes` that this tenant is about to send. Call
+  // SetCheckDisk() before any other function.
   using CheckDisk = std::function<absl::Status(const std::string& tenant, std::int64_t bytes)>;
   void SetCheckDisk(CheckDisk check_disk) { check_disk_ = std::move(check_disk); }
 
-  // Finds the uploads that an earlier process left. Call it before all other functions but the two above.
+  // Finds the uploads that an earlier process left. Call it before all other functions except the two above.
   absl::Status Open();
 
   // The tenant's upload with the same request id (ALREADY_EXISTS with REQUEST_ID_REUSED if that announced other bytes),
@@ -133,8 +133,8 @@ class UploadStore {
 
   absl::Status Delete(const Caller& caller, const std::string& name);
 
-  // ABORTED with UPLOAD_BUSY while another writer has the upload. A complete upload may be written to: it skips the
-  // bytes it has.
+  // The right to write to an upload. ABORTED with UPLOAD_BUSY while another writer has it. Writing to a complete upload
+  // is allowed and has no effect: it skips the bytes that it has.
   absl::StatusOr<UploadWriter> Write(const Caller& caller, const std::string& name);
 
   // The bytes of a complete upload, which counts as used. FAILED_PRECONDITION with UPLOAD_INCOMPLETE
@@ -168,15 +168,15 @@ class UploadStore {
   void Release(const UploadWriter& writer);
 
   std::string NewId(const Caller& caller, const std::string& request_id) const;
-  // The state of an upload of the caller's tenant.
+  // The state of the upload `name`, which must be of the caller's tenant.
   absl::StatusOr<UploadState> Find(const Caller& caller, const std::string& name);
   absl::StatusOr<v1::Upload> Known(const UploadState& state, const v1::CreateUploadRequest& request);
-  // Whether `newest` has room beside the other uploads under way.
+  // OK if `newest` has room beside the other uploads under way; otherwise an error of Create().
   absl::Status CheckRoom(const UploadState& newest, const std::vector<UploadState>& others) const;
   // Forgets the tenant's least recently used upload under way, if it has been idle for long enough. Returns whether
   // there was one.
   absl::StatusOr<bool> Evict(const std::string& tenant);
-  // Whether the disk has room for `fresh` and for the bytes that other uploads announced.
+  // OK if the disk has room for `fresh` and for the bytes that other uploads announced.
   absl::Status CheckDiskFor(const UploadState& fresh) const;
   // Writes `data` and, with the last byte, makes the upload's blob. Changes nothing if it fails.
   absl::StatusOr<UploadPiece> TakeIn(const UploadState& state, std::string_view data);

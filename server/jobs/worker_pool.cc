@@ -18,7 +18,7 @@ namespace {
 using worker::v1::FromWorker;
 using Wait = WorkerLink::Wait;
 
-// Not affected by changes of the machine's clock.
+// Measures time; changes of the machine's clock do not affect it.
 class Stopwatch {
  public:
   void Restart() { start_ = std::chrono::steady_clock::now(); }
@@ -228,8 +228,8 @@ class WorkerPool::Seat {
 
   // The worker is ended first, so that it is gone when the loss is reported.
   void Lose(const JobAssignment& job, WorkerEndCause cause, WorkerLoss loss) {
-    // Released here, not by the source, which may hold a lock: the release waits for the end of a worker that is a
-    // thread.
+    // The link is released here and not by the source, which may hold a lock: the release waits for the end of a worker
+    // that is a thread.
     const std::shared_ptr<WorkerLink> link = link_;
     End(cause, loss, job.name);
     source_.ReportLost(job.name, job.attempt, std::move(loss));
@@ -267,8 +267,8 @@ class WorkerPool::Seat {
   JobSource& source_;
 
   std::shared_ptr<WorkerLink> link_;  // null, or a worker that is ready or has a job
-  int jobs_ = 0;                      // jobs it served
-  std::string traceparent_;           // of its last job
+  int jobs_ = 0;                      // jobs that the worker has served
+  std::string traceparent_;           // of the worker's last job
   Stopwatch since_ready_;
 
   // State of the running job.

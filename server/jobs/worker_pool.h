@@ -42,9 +42,9 @@ struct WorkerEnd {
 
 struct WorkerPoolOptions {
   int workers = 1;                                       // >= 1
-  int recycle_after = 200;                               // jobs, >= 1
-  std::int64_t recycle_bytes = std::int64_t{256} << 20;  // WorkerIdle.held_bytes
-  absl::Duration start_limit = absl::Seconds(30);        // for becoming ready, at the start and between two jobs
+  int recycle_after = 200;                               // jobs after which a worker is replaced, >= 1
+  std::int64_t recycle_bytes = std::int64_t{256} << 20;  // an idle worker that holds more is replaced
+  absl::Duration start_limit = absl::Seconds(30);        // time to become ready, at the start and between two jobs
   // While no worker has ever been ready: on_none_ready is called, once, after this many failed starts of one thread (>=
   // 1), or after this time. A machine that starts no worker by then is assumed to be unable to.
   int first_starts = 5;
@@ -73,7 +73,7 @@ class WorkerPool {
   // Starts the workers. `source` must outlive the pool.
   WorkerPool(JobSource* source, WorkerFactory factory, WorkerPoolOptions options);
 
-  // Waits for running jobs. Make TakeNext() return before.
+  // Waits for running jobs. Before, make JobSource::TakeNext() return kOver.
   ~WorkerPool();
 
   // Changes WorkerPoolOptions::recycle_after. Thread-safe.
@@ -90,7 +90,7 @@ class WorkerPool {
   // Time left until first_limit, at least 0.
   absl::Duration FirstTimeLeft() const;
 
-  // Whether the pool ends before `duration` is over.
+  // Waits for `duration`, or until the pool ends. Returns whether it ends.
   bool EndsWithin(absl::Duration duration);
 
   JobSource* const source_;

@@ -35,7 +35,7 @@ absl::StatusOr<BlobPtr> Blob::Copy(std::string_view bytes) {
 }
 
 absl::StatusOr<BlobPtr> Blob::Map(Descriptor file) {
-  // Not fstat(), which the C library implements by a call that a worker's sandbox refuses.
+  // lseek() tells the size. The C library implements fstat() by a system call that a worker's sandbox refuses.
   const off_t end = lseek(file.get(), 0, SEEK_END);
   if (end < 0) return Failed("cannot tell the size of bytes");
   const auto size = static_cast<std::size_t>(end);

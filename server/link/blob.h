@@ -35,7 +35,7 @@ class Blob {
   std::string_view bytes() const { return {data_, size_}; }
   // Releases this process's pages of the bytes until they are read again.
   void DropPages() const;
-  // For passing to another process. The blob keeps ownership.
+  // The descriptor of the bytes, to be passed to another process. The blob keeps ownership.
   int descriptor() const { return descriptor_.get(); }
 
  private:

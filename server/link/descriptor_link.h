@@ -8,7 +8,8 @@
 
 namespace planish {
 
-// Over `socket`, whose other end belongs to StartProcessWorker(). A malformed message from there closes the link.
+// Makes the worker's end of a link over `socket`, whose other end belongs to StartProcessWorker(). A malformed message
+// from the server closes the link.
 absl::StatusOr<std::unique_ptr<ServerLink>> ConnectToServer(Descriptor socket);
 
 // A message as the bytes of a whole frame: prepared in advance by a worker that may be unable to allocate memory when

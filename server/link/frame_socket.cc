@@ -20,7 +20,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Room for kMaxFrameDescriptors descriptors and the kernel's header.
+// A buffer for kMaxFrameDescriptors descriptors and the kernel's header.
 struct ControlBuffer {
   alignas(cmsghdr) char bytes[CMSG_SPACE(kMaxFrameDescriptors * sizeof(int))];
 };

@@ -45,12 +45,12 @@ class FrameSocket {
   FrameSocket(const FrameSocket&) = delete;
   FrameSocket& operator=(const FrameSocket&) = delete;
 
-  // Never waits for the other end: bytes that the socket does not take at once are sent by the thread in Receive().
-  // More than kMaxUnsentBytes of them end the connection. After its end, messages are dropped. Thread-safe.
+  // Sends a frame. Never waits for the other end: bytes that the socket does not take at once are sent by the thread in
+  // Receive(). More than kMaxUnsentBytes unsent bytes end the connection; after that, frames are dropped. Thread-safe.
   void Send(std::string_view bytes, std::vector<BlobPtr> blobs);
   static constexpr std::size_t kMaxUnsentBytes = std::size_t{64} << 20;
 
-  // Waits until `deadline`. One thread at a time. After kClosed it always returns kClosed.
+  // Waits for a frame until `deadline`. One thread at a time. After kClosed it always returns kClosed.
   Wait Receive(absl::Time deadline, Frame* frame);
 
   // Ends the connection at both ends; a Receive() under way returns. Thread-safe.
@@ -72,7 +72,7 @@ class FrameSocket {
   FrameSocket(Descriptor socket, Descriptor wake, const FrameLimits& limits)
       : socket_(std::move(socket)), wake_(std::move(wake)), limits_(limits) {}
 
-  // Require mutex_.
+  // Flush() and Drop() require mutex_.
   void Flush();
   void Drop();
 

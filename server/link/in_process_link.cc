@@ -19,8 +19,8 @@ namespace {
 using worker::v1::FromWorker;
 using worker::v1::ToWorker;
 
-// One direction of the link. The queue is unbounded: what a worker sends in a job is bounded by its throttle, what the
-// server sends is a few messages for each job. Thread-safe.
+// One direction of the link. The queue needs no limit: a worker limits how often it reports progress, and the server
+// sends a few messages for each job. Thread-safe.
 template <typename Item>
 class Pipe {
  public:

@@ -38,7 +38,7 @@ class Decoder {
   }
 
  private:
-  // Unsigned numbers of 2^31 and more become negative, and so are out of every range.
+  // Unpacks numbers. Unsigned numbers of 2^31 and more become negative, and so are out of every range.
   template <typename Number>
   static absl::StatusOr<std::vector<Number>> Numbers(const std::string& field, std::string_view bytes) {
     if (bytes.size() % sizeof(Number) != 0) {

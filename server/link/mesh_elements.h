@@ -22,11 +22,11 @@ struct MeshElements {
   std::vector<float> face_weights;
 };
 
-// `num_faces`: empty if it is not known before the mesh is decoded. INVALID_ARGUMENT with OPTIONS_INVALID and metadata
-// "field" (the name in planish.v1.MeshElements) and "corner" or "face", the first wrong one. Wrong are: bytes that are
-// not a multiple of 4, numbers out of range, lists for the triangles whose length is not the number of triangles, and
-// combinations with `options` that are not allowed. Without `num_faces`, corners and lengths of lists are only checked
-// against the largest possible mesh.
+// Decodes and checks `elements`. `num_faces`: nullopt if it is not known before the mesh is decoded; then corners and
+// lengths of lists are only checked against the largest possible mesh. INVALID_ARGUMENT with OPTIONS_INVALID and
+// metadata "field" (the name in planish.v1.MeshElements) and "corner" or "face", the first wrong one. Wrong are: bytes
+// that are not a multiple of 4, numbers out of range, lists for the triangles whose length is not the number of
+// triangles, and combinations with `options` that are not allowed.
 absl::StatusOr<MeshElements> DecodeMeshElements(const v1::MeshElements& elements, const v1::UnwrapOptions& options,
                                                 std::optional<std::int64_t> num_faces);
 

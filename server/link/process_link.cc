@@ -64,7 +64,7 @@ std::int64_t KillsForMemory() {
 
 class ProcessWorkerLink : public WorkerLink {
  public:
-  // `words`: the file of the worker's stderr until it is ready. The caller keeps `stderr_fd`.
+  // `words`: the file that the worker's stderr goes to until the worker is ready. The caller keeps `stderr_fd`.
   ProcessWorkerLink(pid_t pid, std::unique_ptr<FrameSocket> socket, Descriptor words, int stderr_fd)
       : pid_(pid),
         socket_(std::move(socket)),
@@ -91,7 +91,7 @@ class ProcessWorkerLink : public WorkerLink {
       case FrameSocket::Wait::kFrame:
         break;
     }
-    words_ = Descriptor();  // it is ready
+    words_ = Descriptor();  // the worker is ready
     received->message.Clear();
     received->blob = nullptr;
     if (!received->message.ParseFromString(frame.bytes) ||
@@ -142,7 +142,8 @@ class ProcessWorkerLink : public WorkerLink {
     return {"WORKER_CRASHED", message, {{"exit_code", absl::StrCat(WEXITSTATUS(status_))}}};
   }
 
-  // Output of a worker that never became ready. Also copies it to the stderr of the other workers.
+  // The output of a worker that never became ready; empty if it was ready. Also copies it to the stderr of the other
+  // workers.
   std::string LastWords() {
     if (words_.get() < 0) return "";
     std::string words(kMostWords, '\0');
@@ -190,8 +191,8 @@ class ProcessWorkerLink : public WorkerLink {
   Descriptor words_;  // used by the receiving thread; closed once the worker is ready
   const int stderr_fd_;
   const std::int64_t kills_before_;
-  std::string fault_;                // of the receiving thread
-  bool hung_after_closing_ = false;  // of the receiving thread
+  std::string fault_;                // used only by the receiving thread
+  bool hung_after_closing_ = false;  // used only by the receiving thread
 
   std::mutex mutex_;
   // Guarded by mutex_, so that no thread kills a process id that no longer belongs to the worker.

@@ -14,7 +14,8 @@ namespace {
 constexpr char kDomain[] = "planish";
 constexpr char kRetryInfoUrl[] = "type.googleapis.com/google.rpc.RetryInfo";
 
-// Messages may quote bytes of the caller's input; a proto string that is not UTF-8 breaks its receiver.
+// Replaces bytes that are not UTF-8. Messages may quote bytes of the caller's input, and receivers cannot parse a proto
+// string that is not UTF-8.
 std::string ToUtf8(const std::string& text) {
   const auto replace = nlohmann::json::error_handler_t::replace;
   return nlohmann::json::parse(nlohmann::json(text).dump(-1, ' ', false, replace)).get<std::string>();

@@ -10,8 +10,8 @@ namespace planish {
 // Whether a worker closes its sandbox, which takes away files, the network and everything else that it does not need
 // (server/worker/sandbox.h).
 enum class SandboxMode {
-  kAuto,     // if the kernel supports it
-  kRequire,  // otherwise the worker does not start
+  kAuto,     // closes it if the kernel supports that
+  kRequire,  // does not start if the kernel does not support it
   kOff,
 };
 
@@ -27,7 +27,7 @@ struct WorkerArguments {
 // "--worker-fd=3" and so on.
 std::vector<std::string> ToCommandLine(const WorkerArguments& arguments);
 
-// Empty if this is not the command line of a worker. That begins with --worker-fd.
+// Nullopt if this is not the command line of a worker, which begins with --worker-fd.
 std::optional<WorkerArguments> ParseWorkerArguments(int argc, const char* const* argv);
 
 // "auto", "require", "off".

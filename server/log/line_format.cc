@@ -34,7 +34,7 @@ bool IsControl(char c) {
   return static_cast<unsigned char>(c) < ' ' || c == '\x7f';
 }
 
-// False for words, names and numbers.
+// Whether a value needs quotes. Words, names and numbers do not.
 bool NeedsQuotes(const std::string& text) {
   return std::any_of(text.begin(), text.end(),
                      [](char c) { return IsControl(c) || c == ' ' || c == '"' || c == '=' || c == '\\'; });

@@ -24,7 +24,7 @@ absl::string_view View(const spdlog::string_view_t& text) {
   return {text.data(), text.size()};
 }
 
-// Also formats lines that a library passes to spdlog directly.
+// Formats all lines, also those that a library passes to spdlog directly.
 class LineFormatter : public spdlog::formatter {
  public:
   explicit LineFormatter(LogFormat format) : format_(format) {}

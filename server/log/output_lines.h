@@ -1,5 +1,5 @@
-// Turns the stderr output of other processes into lines of the log. Written directly, it would break logs that programs
-// read.
+// Turns the stderr output of other processes into lines of the log. If they wrote to the log themselves, programs could
+// not parse it.
 #pragma once
 
 #include <functional>

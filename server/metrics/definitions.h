@@ -25,7 +25,7 @@ namespace metric {
 
 using enum MetricKind;
 
-// From the smallest mesh to the largest, in steps of 1, 2.5, 5 where most jobs are.
+// Histogram buckets. kSeconds reaches from the smallest mesh to the largest, in steps of 1, 2.5, 5 where most jobs are.
 inline const std::vector<double> kSeconds = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5,  1,    2.5,
                                              5,     10,     25,    60,   150,   300,  600, 1800, 3600, 14400};
 inline const std::vector<double> kWaitSeconds = {0.01, 0.1, 0.5, 1,    5,    15,   30,   60,
@@ -90,7 +90,7 @@ inline const MetricDefinition kWarnings = {
     "(a Cholesky factorization in place of multigrid), BARRIER_KEPT, BARYCENTRIC_MAP, UV_PRECISION (double in place of "
     "float), SEAMS_ADDED."};
 
-// ---- what spared work
+// ---- avoided work
 
 inline const MetricDefinition kCacheHits = {
     "planish_cache_hits_total", kCounter, "kind",

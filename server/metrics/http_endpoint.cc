@@ -126,8 +126,8 @@ class HttpEndpoint::Server : public httplib::Server {
     int socket = -1;
     Phase phase = Phase::kReading;
     Clock::time_point request_by, close_by;
-    std::string bytes;     // of the request, then of the answer
-    std::size_t sent = 0;  // of the answer
+    std::string bytes;     // the request as far as it has arrived, then the answer
+    std::size_t sent = 0;  // bytes of the answer that were sent
   };
   using Connections = std::map<std::uint64_t, Connection>;  // by number, so the oldest comes first
 
@@ -208,7 +208,7 @@ class HttpEndpoint::Server : public httplib::Server {
     if (connection.phase == Phase::kWriting && !Write(&connection)) Close(found);
   }
 
-  // False if the other side has closed, or the connection failed.
+  // Reads what has arrived. False if the other side has closed, or the connection failed.
   static bool Read(Connection* connection) {
     char bytes[2048];
     while (connection->bytes.size() < kMostRequestBytes) {
@@ -222,7 +222,7 @@ class HttpEndpoint::Server : public httplib::Server {
     return true;
   }
 
-  // False if everything is written, or the connection failed.
+  // Writes as much as possible. False if everything is written, or the connection failed.
   static bool Write(Connection* connection) {
     while (connection->sent < connection->bytes.size()) {
       const ssize_t count = send(connection->socket, connection->bytes.data() + connection->sent,
@@ -311,7 +311,7 @@ class HttpEndpoint::Server : public httplib::Server {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  // Guarded by mutex_; both by the connection's number.
+  // Guarded by mutex_. Requests and answers are paired with the number of their connection.
   std::deque<std::pair<std::uint64_t, std::string>> requests_;
   std::vector<std::pair<std::uint64_t, std::string>> answers_;
   bool ending_ = false;

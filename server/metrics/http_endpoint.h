@@ -28,7 +28,7 @@ struct HttpEndpointOptions {
   int connections = 64;
 };
 
-// "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
+// Parses "HOST:PORT" or "[IPV6]:PORT". INVALID_ARGUMENT with a message that names `text`.
 absl::StatusOr<HttpEndpointOptions> ParseHttpAddress(const std::string& text);
 
 // Silent or slow connections do not delay others: two threads answer requests once they are complete. A request may
@@ -38,7 +38,7 @@ class HttpEndpoint {
   // Called on the endpoint's threads with a path without its query. Returns status 404 for paths that are not served.
   using Handler = std::function<HttpAnswer(const std::string& path)>;
 
-  // Serves from its return on. UNAVAILABLE if the address cannot be used; the message has the address and the reason.
+  // Begins to serve. UNAVAILABLE if the address cannot be used; the message has the address and the reason.
   static absl::StatusOr<std::unique_ptr<HttpEndpoint>> Start(const HttpEndpointOptions& options, Handler handler);
 
   // Closes all connections.

@@ -65,7 +65,7 @@ class PatientQuestion {
   }
 
  private:
-  // Requires mutex_.
+  // Has question `number` asked, and all before it. Requires mutex_.
   void Want(std::int64_t number) {
     wanted_ = std::max(wanted_, number);
     changed_.notify_all();
@@ -93,10 +93,10 @@ class PatientQuestion {
   std::condition_variable changed_;
   // Guarded by mutex_. Questions are numbered from 1.
   std::int64_t wanted_ = 0, begun_ = 0, answered_ = 0;
-  std::optional<Clock::time_point> begun_at_;  // of the running question
+  std::optional<Clock::time_point> begun_at_;  // when the running question began
   std::optional<Answer> answer_;
   bool ending_ = false;
-  std::thread thread_;  // last: it uses the others
+  std::thread thread_;  // the last member, since the thread uses the others
 };
 
 }  // namespace planish

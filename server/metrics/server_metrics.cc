@@ -302,7 +302,7 @@ std::string ServerMetrics::Text(const ServerGauges& gauges) const {
   AddProcess(&pulled);
 
   std::vector<MetricFamily> all = families_->registry.Collect();
-  // This member of the family is counted by the upload store, the others here.
+  // The upload store counts cache hits of the kind "upload", this class all other kinds.
   for (MetricFamily& family : all) {
     if (family.name != metric::kCacheHits.name) continue;
     ClientMetric uploads;

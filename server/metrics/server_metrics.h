@@ -45,7 +45,7 @@ class ServerMetrics : public JobObserver {
   void OnAccepted(const v1::Job& job, JobOrigin origin) override;
   void OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult& result, absl::Duration duration) override;
   void OnWorkLost(const v1::Job& job, const WorkerLoss& loss, int retried, absl::Duration duration) override;
-  // For JobManagerOptions::on_transition.
+  // Counts a change of state. For JobManagerOptions::on_transition.
   void OnTransition(const v1::Job& job);
   void OnStoreError();
 
@@ -62,7 +62,7 @@ class ServerMetrics : public JobObserver {
     bool submits = false;  // makes a job or an upload, or adds to an upload
   };
   // `call` is the name of one of the server's methods, or "OTHER": otherwise each name that a caller invents would
-  // become a label. `reason`: the reason of its error, or "".
+  // become a label. `reason`: the reason of the call's error; "" if it has none.
   void OnCallEnded(const std::string& call, absl::StatusCode code, const std::string& reason, absl::Duration duration,
                    const CallTraits& traits);
 

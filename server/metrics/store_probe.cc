@@ -12,7 +12,7 @@
 namespace planish {
 namespace {
 
-// A whole block, since a tiny file may fit where nothing else does.
+// The probe writes a whole block, since a tiny file may fit where nothing else does.
 constexpr std::size_t kBytes = 4096;
 
 absl::Status Refused(const std::string& directory, int error) {

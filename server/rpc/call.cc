@@ -15,8 +15,8 @@
 namespace planish {
 namespace {
 
-// What a call takes of gRPC's quota beside its messages: its arena, its headers, and what its stream may send before it
-// is read.
+// Memory that a call takes of gRPC's quota in addition to its messages: its arena, its headers, and the bytes that its
+// stream may send before they are read.
 constexpr std::int64_t kCallBytes = std::int64_t{128} << 10;
 
 // Memory that a parsed message may take: kMostGrowth times its bytes, plus a constant. Enough for numbers, and for a
@@ -117,7 +117,7 @@ void Call::Read() {
 
 void Call::StopReading() {
   {
-    const std::lock_guard lock(starting_);  // gRPC accepts no read after the end
+    const std::lock_guard lock(starting_);  // waits for Read() to return: gRPC accepts no read after the end
   }
   if (!reading_.exchange(false)) return;
   const std::int64_t limit = info_.surroundings->limits.MaxBytes(*info_.method);

@@ -27,8 +27,8 @@ namespace planish {
 struct EndedCall {
   std::string call;  // the method's name, e.g. "CreateJob"; "OTHER" if this server has no such method
   absl::StatusCode code = absl::StatusCode::kOk;
-  std::string reason;  // the reason of its error; empty: none
-  // The full message of its error, if ToCallStatus() withheld part of it from the caller; else empty.
+  std::string reason;  // the reason of the call's error; empty: none
+  // The full message of the call's error, if ToCallStatus() withheld part of it from the caller; else empty.
   std::string hidden;
   absl::Duration duration;
   bool streams = false;  // as in Method
@@ -45,8 +45,8 @@ class ReceivedMessage {
   ReceivedMessage(grpc::ByteBuffer bytes, MessageMemory::Share incoming, MessageMemory::Share parsed)
       : bytes_(std::move(bytes)), incoming_(std::move(incoming)), parsed_(std::move(parsed)) {}
 
-  // Parses the bytes and frees them; call it once. INVALID_ARGUMENT as NoSuchMessage(). `message` must not outlive this
-  // object.
+  // Parses the bytes and frees them; call it once. The error of NoSuchMessage() if they cannot be parsed. `message`
+  // must not outlive this object.
   absl::Status Parse(google::protobuf::Message* message);
   // The unparsed bytes, for messages without a descriptor; call it once.
   std::string TakeBytes();
@@ -58,7 +58,7 @@ class ReceivedMessage {
 };
 using ReceivedMessagePtr = std::shared_ptr<ReceivedMessage>;
 
-// What all calls share. All of it outlives them.
+// What all calls share. The objects outlive all calls.
 struct CallSurroundings {
   MessageMemory* memory;
   ReadWatch* watch;
@@ -121,10 +121,10 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
 
  private:
   absl::StatusOr<ReceivedMessagePtr> Check();
-  // Ends the running read. May be called on any thread.
+  // Refuses the message that is being read as too long. May be called on any thread.
   void StopReading();
   bool is_anonymous() const { return info_.method->need == Need::kNobody; }
-  // False if the call has already ended.
+  // Marks the call as ended, and tells the listener. False if it had already ended.
   bool MayEnd(const absl::Status& status);
 
   const CallInfo info_;
@@ -133,7 +133,7 @@ class Call : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
   std::atomic<bool> ended_ = false;
   std::mutex starting_;                // held while a read is started
   std::atomic<bool> reading_ = false;  // set by Read(), cleared by whatever ends the read first
-  bool has_message_ = false;           // has received any; used between reads only
+  bool has_message_ = false;           // at least one message was received; used between reads only
   grpc::ByteBuffer incoming_;
   MessageMemory::Share expected_;
   grpc::ByteBuffer outgoing_;

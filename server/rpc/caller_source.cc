@@ -36,7 +36,7 @@ std::string_view View(grpc::string_ref text) {
   return {text.data(), text.size()};
 }
 
-// The contents of a verified certificate; empty if there is none.
+// The contents of a verified certificate.
 struct Certificate {
   std::vector<std::string> names;
   absl::Time end;
@@ -89,7 +89,7 @@ class RuledCallerSource : public CallerSource {
 
   absl::StatusOr<Caller> ByCertificate(const AccessTable* table, const Certificate& certificate) const {
     const absl::Time now = rules_.now();
-    // It was valid when the connection was made, and may have expired since.
+    // The certificate was valid when the connection was made, and may have expired since.
     if (now >= certificate.end) return Expired();
     if (table != nullptr) return table->FindCertificate(certificate.names, now);
     return DefaultCaller(absl::StrCat("certificate ", certificate.names.empty() ? "" : certificate.names[0]));

@@ -16,13 +16,13 @@
 
 namespace planish {
 
-// Thread-safe.
+// Finds the caller of a call by its credentials. Thread-safe.
 class CallerSource {
  public:
   virtual ~CallerSource() = default;
 
-  // UNAUTHENTICATED with CREDENTIALS_MISSING, CREDENTIALS_INVALID or CREDENTIALS_EXPIRED. Must be quick: it runs once
-  // for each call.
+  // The caller of this call. UNAUTHENTICATED with CREDENTIALS_MISSING, CREDENTIALS_INVALID or CREDENTIALS_EXPIRED. Must
+  // be quick: it runs once for each call.
   virtual absl::StatusOr<Caller> Identify(const grpc::CallbackServerContext& context) const = 0;
 };
 
@@ -30,16 +30,16 @@ class CallerSource {
 std::unique_ptr<CallerSource> NewOpenCallerSource();
 
 struct CallerRules {
-  // Both must outlive the source. access null: there is no access file. peers null: users of Unix sockets are not
-  // checked.
+  // `access` and `peers` must outlive the source. access null: there is no access file. peers null: users of Unix
+  // sockets are not checked.
   const AccessSource* access = nullptr;
   const PeerUsers* peers = nullptr;
   std::function<absl::Time()> now = absl::Now;
-  std::uint32_t own_uid = 0;  // of the server
+  std::uint32_t own_uid = 0;  // the uid of the server's process
 };
 
-// With an access file, the first of these that a call has decides; if it is wrong, the call is refused even if it has
-// others:
+// With an access file, the first of these credentials that a call has decides. If it is wrong, the call is refused even
+// if it has others too:
 //   1. metadata "authorization: Bearer TOKEN"
 //   2. the certificate of its TLS connection: a DNS name in it, or the common name of one without DNS names
 //   3. the user at the other end of its Unix socket

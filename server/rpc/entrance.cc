@@ -41,7 +41,7 @@ class ByteService : public grpc::Service {
   }
 
  private:
-  std::vector<std::string> paths_;  // gRPC keeps pointers
+  std::vector<std::string> paths_;  // gRPC keeps pointers to them
 };
 
 }  // namespace

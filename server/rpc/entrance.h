@@ -16,8 +16,8 @@ namespace planish {
 // by itself. On the wire all kinds are the same.
 class Entrance : public grpc::CallbackGenericService {
  public:
-  // `callers` may be null if no endpoint needs credentials. Both must outlive the Entrance, which must outlive the
-  // server.
+  // `callers` may be null if no endpoint needs credentials. `callers` and `surroundings` must outlive the Entrance,
+  // which must outlive the server.
   Entrance(const CallerSource* callers, const CallSurroundings* surroundings)
       : callers_(callers), surroundings_(*surroundings) {}
 

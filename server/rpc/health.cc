@@ -11,13 +11,13 @@ namespace {
 
 using google::protobuf::internal::WireFormatLite;
 
-// Debian has no generated code for these messages: each has one field, the first.
+// Debian has no generated code for these messages. Each has one field, with the number 1.
 constexpr std::uint32_t kServiceTag = WireFormatLite::MakeTag(1, WireFormatLite::WIRETYPE_LENGTH_DELIMITED);
 constexpr std::uint32_t kStatusTag = WireFormatLite::MakeTag(1, WireFormatLite::WIRETYPE_VARINT);
 
 constexpr std::size_t kMostServiceName = 200;
 
-// HealthCheckRequest.service.
+// The field `service` of a HealthCheckRequest; nullopt if the message cannot be parsed or the name is too long.
 std::optional<std::string> RequestedService(ReceivedMessage& message) {
   const std::string bytes = message.TakeBytes();
   google::protobuf::io::CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()),
@@ -81,7 +81,7 @@ class HealthService::Watch : public Call {
   void OnCancel() override {
     const std::lock_guard lock(mutex_);
     next_.reset();
-    is_sending_ = true;  // and stays so
+    is_sending_ = true;  // for good, so that nothing more is sent
     EndBare(grpc::Status::CANCELLED);
   }
 
@@ -97,7 +97,7 @@ class HealthService::Watch : public Call {
 
   std::shared_ptr<Watch> Self() { return std::static_pointer_cast<Watch>(shared_from_this()); }
 
-  // Requires mutex_.
+  // Sends the newest change, unless a message is being sent. Requires mutex_.
   void SendNext() {
     if (!next_.has_value() || is_sending_) return;
     is_sending_ = true;

@@ -13,7 +13,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// Tells callers the states that Set() has set. Thread-safe.
 class HealthService : public RpcService {
  public:
   // As grpc.health.v1.HealthCheckResponse.ServingStatus.

@@ -14,7 +14,7 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pa
   JobEventLog::Read read = events_->ReadAfter(position_.after_sequence);
   const std::int64_t last = events_->last_sequence();
   if (read.ended && read.status.ok() && last > 0 && position_.after_sequence > last && !told_end_) {
-    // The caller has seen events that the database forgot in a crash.
+    // The caller has seen events that the database forgot in a crash. Sends the last event under a new number.
     read = events_->ReadAfter(last - 1);
     read.event->set_sequence(position_.after_sequence + 1);
     told_end_ = true;

@@ -12,7 +12,7 @@
 
 namespace planish {
 
-// Not thread-safe.
+// Turns the log of a job into the messages for one caller. Not thread-safe.
 class JobStream {
  public:
   // Fields as in planish.v1.WatchJobRequest.
@@ -33,10 +33,10 @@ class JobStream {
   enum class Pace {
     kAll,     // every event is sent
     kNewest,  // only the newest event that was not sent yet
-    kHold,    // no progress now: kWait
+    kHold,    // no progress now: Next() returns kWait instead
   };
 
-  // Bytes of UV in a message. A reader that does not read costs twice this: the message and its wire form.
+  // Bytes of UV in a message. A caller that does not read costs twice this: the message and its wire form.
   static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
@@ -52,7 +52,7 @@ class JobStream {
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
-  bool told_end_ = false;  // with a sequence number made here
+  bool told_end_ = false;  // the last event was sent with a sequence number made here
   bool job_ended_ = false;
   absl::Status status_;
 };

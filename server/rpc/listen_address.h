@@ -11,13 +11,13 @@ namespace planish {
 struct ListenAddress {
   std::string text;       // as given, for people
   std::string unix_path;  // empty for TCP
-  std::string grpc;       // in gRPC's form
+  std::string grpc;       // the address in gRPC's form
 };
 
-// INVALID_ARGUMENT with a message that names `text`.
+// Parses an address. INVALID_ARGUMENT with a message that names `text`.
 absl::StatusOr<ListenAddress> ParseListenAddress(const std::string& text);
 
-// Whether only this machine can reach it.
+// Whether only this machine can reach the address.
 bool IsLocal(const ListenAddress& address);
 
 // Removes a socket file at `path` on which no server answers. ALREADY_EXISTS if a server answers or the file is not a

@@ -11,11 +11,12 @@
 
 namespace planish {
 
-// Messages that arrive are charged to gRPC's quota, one for the process. It grows with the messages that admitted
-// callers may be sending, so other callers find it small. A parsed message is charged to its tenant. Thread-safe.
+// Messages that arrive are charged to gRPC's quota, which all connections share. The quota is small, and grows only by
+// the messages that admitted callers may be sending, so callers who are not admitted find little room. A parsed message
+// is charged to its tenant. Thread-safe.
 class MessageMemory {
  public:
-  // `most` bytes for each of the two; 0: no limit.
+  // At most `most` bytes for the quota, and as many for parsed messages; 0: no limit.
   explicit MessageMemory(std::int64_t most);
 
   // A share of the memory. The destructor returns it. Must not outlive the MessageMemory.
@@ -34,11 +35,11 @@ class MessageMemory {
     bool is_incoming_ = false;
   };
 
-  // Adds room for `bytes` to gRPC's quota.
+  // Adds room for `bytes` to gRPC's quota as long as the share lives.
   Share Expect(std::int64_t bytes);
 
-  // Memory for a parsed message. RESOURCE_EXHAUSTED with QUEUE_FULL and RetryInfo if everything is taken and `tenant`
-  // has its fair part (server/access/fair_part.h).
+  // Memory for a parsed message. RESOURCE_EXHAUSTED with QUEUE_FULL and RetryInfo if there is too little left and
+  // `tenant` has its fair part (server/access/fair_part.h).
   absl::StatusOr<Share> Take(const std::string& tenant, std::int64_t bytes);
 
   grpc::ResourceQuota& quota() { return quota_; }
@@ -46,7 +47,7 @@ class MessageMemory {
 
  private:
   void GiveBack(const Share& share);
-  // Requires mutex_.
+  // Adapts gRPC's quota to expected_. Requires mutex_.
   void ResizeQuota();
 
   const std::int64_t most_;

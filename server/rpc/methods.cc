@@ -15,9 +15,10 @@ constexpr std::string_view kReflection = "grpc.reflection.v1alpha.ServerReflecti
 constexpr std::int64_t kSmallBytes = std::int64_t{64} << 10;
 
 constexpr std::int64_t kFewFields = 64;
-// A job has some fifty: the mesh, options, scheduling, and 32 labels of three each.
+// A job has some 150 fields: about fifty for the mesh, options and scheduling, and three for each of up to 32 labels.
 constexpr std::int64_t kJobFields = 512;
-// A list may have 1000 entries. This limit is higher, so that the method itself reports how many it takes.
+// A list may have 1000 entries. This limit is higher, so that a list that is somewhat too long is refused by the method
+// itself, with a clearer error.
 constexpr std::int64_t kListFields = 4096;
 constexpr std::int64_t kBatchFields = 1024 * kJobFields;
 

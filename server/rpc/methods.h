@@ -38,7 +38,7 @@ struct Method {
 
   // "/planish.v1.Planish/CreateJob"
   std::string path() const;
-  // The type of its request; null for a service without a descriptor.
+  // The type of the method's request; null for a service without a descriptor.
   const google::protobuf::Descriptor* request() const;
 };
 

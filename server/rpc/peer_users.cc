@@ -18,7 +18,7 @@ namespace {
 
 constexpr char kDescriptor[] = "fd:";
 
-// Most descriptor numbers that are tried for a connection: with many users a few are needed.
+// Most descriptor numbers that are tried for one connection. Even with many users, a few tries are enough.
 constexpr int kMostTries = 4096;
 
 int QuarterOfDescriptors() {

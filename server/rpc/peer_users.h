@@ -9,10 +9,10 @@
 
 namespace planish {
 
-// gRPC does not tell which user connected to a Unix socket, but it names a connection that it is handed by its
-// descriptor ("fd:12"). This table maps descriptors to users. A call may ask after its connection has closed and the
-// descriptor's number was reused, so a number that once belonged to one user is never used for another user.
-// Thread-safe.
+// gRPC does not tell which user connected to a Unix socket. But if a connection is handed to gRPC, its name has the
+// number of its descriptor ("fd:12"), and this table maps these numbers to users. A call may be looked up after its
+// connection was closed and the number was reused, so a number that once belonged to one user is never used for another
+// user. Thread-safe.
 class PeerUsers {
  public:
   // No user gets more than `most_per_user` numbers, since a number stays with its user for good and one user could take
@@ -24,7 +24,7 @@ class PeerUsers {
   // numbers left. Then `fd` is closed.
   int Add(int fd);
 
-  // Like Add(), for the user `uid`; for tests.
+  // Add() for a descriptor of the user `uid`, whatever the kernel says; for tests.
   int AddAs(int fd, std::uint32_t uid);
 
   // The uid for a grpc::ServerContext::peer(); empty if that is not a Unix socket.

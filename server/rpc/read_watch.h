@@ -14,8 +14,8 @@ namespace planish {
 
 // gRPC checks the length of a message only when all of it has arrived. But the kernel counts the bytes that a TCP
 // connection has received: if these are more than all running reads of the connection accept, some message is too long.
-// Connections are checked two hundred times a second, so the excess is what arrives between two checks. Unix sockets do
-// not count bytes. Thread-safe.
+// Connections are checked two hundred times a second, so the excess is at most the bytes that arrive between two
+// checks. Unix sockets do not count bytes. Thread-safe.
 class ReadWatch {
  public:
   // Bytes that the stream of a call may send before they are read.
@@ -26,8 +26,8 @@ class ReadWatch {
   ReadWatch(const ReadWatch&) = delete;
   ReadWatch& operator=(const ReadWatch&) = delete;
 
-  // A call with credentials has begun or ended. While it runs, its stream may send kLookaheadBytes before they are
-  // read.
+  // Call them when a call with credentials begins and ends. While it runs, its stream may send kLookaheadBytes before
+  // they are read.
   void AddCall(const std::string& peer);
   void RemoveCall(const std::string& peer);
 
@@ -45,9 +45,9 @@ class ReadWatch {
   struct Connection {
     int calls = 0;
     std::map<const void*, Read> reads;
-    std::int64_t allowed = 0;       // bytes that the reads may have received since `received`
+    std::int64_t allowed = 0;       // bytes that the reads accept, in addition to `received`
     std::optional<int> descriptor;  // found at the first check; -1: the connection does not count bytes
-    std::int64_t received = 0;      // bytes that the connection had received at that time
+    std::int64_t received = 0;      // bytes that the connection had received at the first check
   };
 
   void Run();

@@ -65,7 +65,7 @@ class WireWriter {
   std::string bytes_;
 };
 
-// False if `bytes` are not a message.
+// Calls `take` with each field of the message `bytes`. False if they are not a message.
 template <class Take>
 bool ForFields(const std::string& bytes, const Take& take) {
   google::protobuf::io::CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()),
@@ -116,7 +116,7 @@ const FileDescriptor* FileOfExtension(const DescriptorPool& pool, const std::str
   return extension == nullptr ? nullptr : extension->file();
 }
 
-// The number of the field that answers `request`, and its contents.
+// The answer to `request`: the number of the response's field, and its contents.
 std::pair<ResponseField, std::string> AnswerTo(const ReflectionRequest& request,
                                                const std::vector<std::string>& services) {
   const DescriptorPool& pool = *DescriptorPool::generated_pool();
@@ -162,7 +162,7 @@ std::pair<ResponseField, std::string> AnswerTo(const ReflectionRequest& request,
 
 }  // namespace
 
-// A stream. It answers one question at a time.
+// A stream of questions, which are answered one at a time.
 class ReflectionService::Stream : public Call {
  public:
   Stream(CallInfo call, ReflectionService* service) : Call(std::move(call)), service_(*service) { ++service_.streams_; }

@@ -13,7 +13,7 @@ namespace planish {
 // Describes the messages and services that are linked into this program.
 class ReflectionService : public RpcService {
  public:
-  // `services`: the names that it lists, its own included.
+  // `services`: the names of the services that it lists, its own included.
   explicit ReflectionService(std::vector<std::string> services);
 
   const std::vector<Endpoint>& endpoints() const override { return endpoints_; }

@@ -39,11 +39,11 @@ void Configure(grpc::ServerBuilder* builder) {
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
   builder->AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
-  // A fixed window for what a stream may send before it is read. By default gRPC would start at 64 KiB and grow to 4
-  // MiB.
+  // A fixed window for the bytes that a stream may send before they are read. By default gRPC would start at 64 KiB and
+  // grow to 4 MiB.
   builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, static_cast<int>(ReadWatch::kLookaheadBytes));
-  // Otherwise two servers on one port would share its connections at random.
+  // Without this, two servers on one port would share its connections at random.
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   // A caller whose machine vanished is detected within kKeepaliveMs + kKeepaliveTimeoutMs, and its job is cancelled.
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
@@ -123,7 +123,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     rpc_server->addresses_.push_back(absl::StrCat(address.text.substr(0, address.text.rfind(':')), ":", ports[i]));
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->SetReady(true);  // "" is SERVING from the start
+  rpc_server->SetReady(true);  // the service "" is SERVING from the start
   rpc_server->self_ = rpc_server->server_->InProcessChannel(grpc::ChannelArguments());
   rpc_server->ServeUnixSockets(std::move(listeners), options.peers);
   return rpc_server;
@@ -149,8 +149,8 @@ void RpcServer::SetReady(bool ready) {
   health_.Set(kServiceName, ready);
 }
 
-// Encodes the request by hand, since Debian has no generated code for the health service. A request without a field is
-// for "".
+// Encodes the request by hand, since Debian has no generated code for the health service. A request without a field
+// asks for the service "".
 bool RpcServer::Answers(absl::Duration limit) {
   std::shared_ptr<grpc::Channel> self;
   {
@@ -181,7 +181,7 @@ void RpcServer::Shutdown(absl::Time deadline) {
     const std::lock_guard lock(mutex_);
     self_ = nullptr;
   }
-  acceptor_.reset();  // before the server that it passes connections to
+  acceptor_.reset();  // before the server ends, to which it passes connections
   server_->Shutdown(absl::ToChronoTime(deadline));
   socket_files_.clear();
 }

@@ -34,7 +34,7 @@ struct RpcServerOptions {
   std::int64_t upload_chunk_bytes = 0;  // data in one message of an upload; 0: 1 MiB
   CallListener on_call;                 // may be null
 
-  // For all TCP addresses; null: plaintext. Unix sockets never need it.
+  // Certificate and key for all TCP addresses; null: plaintext. Unix sockets never need them.
   std::shared_ptr<TlsIdentity> tls;
   // Records which users connect to Unix sockets. Must outlive the server's Shutdown(). May be null.
   PeerUsers* peers = nullptr;
@@ -45,11 +45,11 @@ struct RpcServerOptions {
   std::int64_t quota_bytes = 0;
 };
 
-// Thread-safe.
+// A running gRPC server with its addresses. Thread-safe.
 class RpcServer {
  public:
-  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE if an address cannot be used; the
-  // message has the address and the reason.
+  // Starts to serve `services`, which must outlive the server. UNAVAILABLE if an address cannot be used; the message
+  // has the address and the reason.
   static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
                                                           const std::vector<RpcService*>& services);
 
@@ -63,7 +63,7 @@ class RpcServer {
   // is SERVING until Shutdown().
   void SetReady(bool ready);
 
-  // Whether a health check, made from inside this process, is answered within `limit`.
+  // Makes a health check from inside this process. Returns whether it is answered within `limit`.
   bool Answers(absl::Duration limit);
 
   // Refuses new calls, waits for running ones until `deadline`, then ends them. Removes socket files.

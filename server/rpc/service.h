@@ -16,7 +16,7 @@ struct ServiceOptions {
   v1::Capabilities capabilities;
   // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
   bool failpoints = false;
-  double progress_per_second = 1000;  // StreamSurroundings
+  double progress_per_second = 1000;  // as in StreamSurroundings
   // Updates the capabilities before they are sent to a caller, since limits may change while the server runs, and
   // tenants may have their own. Thread-safe. May be null.
   std::function<void(const Caller&, v1::Capabilities*)> update_capabilities;

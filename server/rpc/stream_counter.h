@@ -33,10 +33,10 @@ class StreamCounter {
   void AddUvBytes(std::int64_t bytes) { uv_bytes_ += bytes; }
   std::int64_t uv_bytes() const { return uv_bytes_; }
 
-  // Waits until there are none; false if `deadline` passes first.
+  // Waits until no stream is open. False if `deadline` passes first.
   bool WaitForNone(absl::Time deadline);
 
-  // Registers a call for InterruptSenders(). It is interrupted at once if that was called before.
+  // Registers a call for InterruptSenders(). If that was called before, the call is interrupted at once.
   void AddSender(const std::shared_ptr<Interruptible>& call);
   // Interrupts all registered calls. If the server only closed its sockets, some of them would end with CANCELLED, as
   // if the caller had given up, and the caller would not come back.

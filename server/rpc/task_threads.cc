@@ -42,7 +42,8 @@ void TaskThreads::Run() {
   std::unique_lock lock(mutex_);
   while (true) {
     Tenant* tenant = nullptr;
-    // Tasks that may not start yet are left, also at the end, to the threads that run the same tenant's other tasks.
+    // A tenant's task that may not start yet is left to the threads that run this tenant's other tasks, also at the
+    // end.
     changed_.wait(lock, [&] { return (tenant = Next()) != nullptr || ending_; });
     if (tenant == nullptr) return;
     std::function<void()> task = std::move(tenant->tasks.front());

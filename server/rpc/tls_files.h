@@ -25,8 +25,8 @@ struct TlsMaterial {
   std::vector<std::string> warnings;  // e.g. that everybody may read the key
 };
 
-// INVALID_ARGUMENT with a message that names the file if one cannot be read or has no PEM, or the certificate does not
-// belong to the key or is not valid at `now`.
+// Reads and checks the files. INVALID_ARGUMENT with a message that names the file if one cannot be read or has no PEM,
+// or the certificate does not belong to the key or is not valid at `now`.
 absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now);
 
 // When the first certificate in `pem` expires; InfinitePast if there is none.

@@ -35,7 +35,7 @@ class TlsIdentity::Current {
     if (*number == number_) return nullptr;
     *number = number_;
     const grpc_ssl_pem_key_cert_pair pair = {material_.key.c_str(), material_.certificate.c_str()};
-    // gRPC 1.51 aborts without roots, even if it never uses them.
+    // gRPC 1.51 aborts without root certificates, even if it never uses them.
     const std::string& roots = material_.client_ca.empty() ? material_.certificate : material_.client_ca;
     return grpc_ssl_server_certificate_config_create(roots.c_str(), &pair, 1);
   }
@@ -74,7 +74,7 @@ class TlsIdentity::Credentials : public grpc::ServerCredentials {
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
 
  private:
-  // One for each listener, since gRPC remembers a configuration by listener.
+  // The configuration that a listener has: gRPC remembers it by listener.
   struct Listener {
     std::shared_ptr<const Current> current;
     std::mutex mutex;
@@ -91,7 +91,7 @@ class TlsIdentity::Credentials : public grpc::ServerCredentials {
   int AddPortToServer(const std::string& address, grpc_server* server) override {
     listeners_.push_back(std::make_unique<Listener>());
     listeners_.back()->current = current_;
-    // Takes ownership of the options.
+    // The credentials take ownership of the options.
     grpc_server_credentials* credentials =
         grpc_ssl_server_credentials_create_with_options(grpc_ssl_server_credentials_create_options_using_config_fetcher(
             RequestType(client_auth_), &Credentials::Fetch, listeners_.back().get()));

@@ -16,10 +16,10 @@ namespace planish {
 // client must.
 enum class ClientAuth { kNone, kRequest, kRequire };
 
-// Thread-safe. TLS 1.2 and 1.3.
+// The certificate and key of a server that speaks TLS 1.2 and 1.3. Thread-safe.
 class TlsIdentity {
  public:
-  // Errors of LoadTlsFiles(). `client_auth` is kNone if and only if there is no client CA.
+  // Loads the files. Errors of LoadTlsFiles(). `client_auth` is kNone if and only if there is no client CA.
   static absl::StatusOr<std::shared_ptr<TlsIdentity>> Load(const TlsFiles& files, ClientAuth client_auth,
                                                            absl::Time now);
 
@@ -30,7 +30,8 @@ class TlsIdentity {
   // Prepare(), and then the returned function. If anything is wrong, nothing changes and the error says what.
   absl::Status Reload(absl::Time now);
 
-  // For grpc::ServerBuilder. Each new connection asks it for the current files, so it keeps this object's data alive.
+  // Credentials for grpc::ServerBuilder. Each new connection asks them for the current files, so they keep this
+  // object's data alive.
   std::shared_ptr<grpc::ServerCredentials> credentials() const { return credentials_; }
 
   const TlsFiles& files() const { return files_; }

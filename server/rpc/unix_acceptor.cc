@@ -15,7 +15,8 @@
 namespace planish {
 namespace {
 
-// As long as the kernel allows (net.core.somaxconn): after a restart hundreds of clients come back at once.
+// Connections that may wait to be accepted: after a restart hundreds of clients come back at once. The kernel lowers
+// the number to net.core.somaxconn.
 constexpr int kBacklog = 4096;
 
 // Pause after accept() failed for lack of descriptors or memory.
@@ -60,7 +61,7 @@ void UnixAcceptor::Run() {
   std::vector<pollfd> waits = {{stop_, POLLIN, 0}};
   for (const auto& listener : listeners_) waits.push_back({listener->fd(), POLLIN, 0});
   while (true) {
-    if (poll(waits.data(), waits.size(), -1) < 0) continue;  // EINTR
+    if (poll(waits.data(), waits.size(), -1) < 0) continue;  // interrupted by a signal
     if (waits[0].revents != 0) return;
     bool is_short = false;
     for (std::size_t i = 1; i < waits.size(); ++i) {

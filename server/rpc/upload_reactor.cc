@@ -76,7 +76,7 @@ class UploadReactor : public Call, public Interruptible {
       if (status.ok() && interrupted_) status = Draining();
       finished_ = !status.ok();
       if (!finished_) {
-        Read();  // under the lock: Interrupt() must not come before it
+        Read();  // under the lock, so that Interrupt() cannot end the call first
         return;
       }
     }
@@ -85,7 +85,7 @@ class UploadReactor : public Call, public Interruptible {
 
   // Finishes the call. Requires that no read and no task runs or will run.
   void Conclude(const absl::StatusOr<v1::Upload>& upload) {
-    writer_ = UploadWriter();  // before the caller gets the answer and may come back
+    writer_ = UploadWriter();  // gives up the upload before the caller gets the answer and may come back
     upload.ok() ? EndWith(*upload) : End(upload.status());
   }
 

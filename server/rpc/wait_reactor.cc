@@ -10,7 +10,7 @@
 namespace planish {
 namespace {
 
-// The log and the alarm hold weak pointers only.
+// A WaitJob call. The log and the alarm hold only weak pointers to it.
 class WaitReactor : public Call {
  public:
   WaitReactor(CallInfo call, WaitOpener open, TenantTasks tasks)
@@ -49,7 +49,7 @@ class WaitReactor : public Call {
       events_ = events;
     }
     Check(*events);
-    // Set without the lock, since an alarm that is due may fire on this thread.
+    // Sets the alarm without the lock, since an alarm that is due may fire on this thread.
     alarm_.Set(absl::ToChronoTime(absl::Now() + wait->timeout), [weak](bool) {
       if (const auto alive = weak.lock()) alive->Settle(absl::OkStatus());
     });
@@ -60,7 +60,7 @@ class WaitReactor : public Call {
     if (read.ended) Settle(read.status);
   }
 
-  // Called on any thread. The first call decides the outcome.
+  // Ends the wait with `status`. Called on any thread; the first call decides the outcome.
   void Settle(const absl::Status& status) {
     {
       const std::lock_guard lock(mutex_);
@@ -79,10 +79,10 @@ class WaitReactor : public Call {
   const TenantTasks tasks_;
 
   std::mutex mutex_;
-  // Guarded by mutex_. OnEnd() drops the subscription. `get_` is called once settled.
+  // Guarded by mutex_. OnEnd() drops the subscription. `get_` is called after `settled_` was set.
   bool settled_ = false;
   std::function<absl::StatusOr<v1::Job>()> get_;
-  std::shared_ptr<const JobEventLog> events_;  // keeps them alive while we wait
+  std::shared_ptr<const JobEventLog> events_;  // keeps the log alive while the call waits
   JobEventLog::Subscription subscription_;
 
   grpc::Alarm alarm_;  // set by Open()

@@ -74,7 +74,7 @@ class WatchReactor : public Call {
     absl::StatusOr<OpenedJob> opened = open_(info(), message);
     if (!opened.ok()) return End(opened.status());
     const std::weak_ptr<WatchReactor> weak = Self();
-    // busy_ is set here, so OnEnd() cannot run meanwhile.
+    // busy_ is still set, so OnEnd() cannot run meanwhile.
     subscription_ = opened->job.events->Subscribe([weak] {
       if (const auto alive = weak.lock()) alive->Pump();
     });
@@ -120,7 +120,7 @@ class WatchReactor : public Call {
       }
       busy_ = true;  // stays set if this is the end
     }
-    // Without the lock, since gRPC may react on this very thread. After End() `this` may be gone.
+    // This runs without the lock, since gRPC may react on this very thread. After End() `this` may be gone.
     if (step == JobStream::Step::kEnd) {
       End(status);
     } else {
@@ -128,7 +128,7 @@ class WatchReactor : public Call {
     }
   }
 
-  // Requires mutex_.
+  // Fills *response with the next message if there is one to send now. Requires mutex_.
   JobStream::Step NextStep(Response* response) {
     v1::JobEvent event;
     v1::UvChunk chunk;
@@ -149,7 +149,7 @@ class WatchReactor : public Call {
     return step;
   }
 
-  // Requires mutex_.
+  // Has Pump() called after `delay`. Requires mutex_.
   void WakeIn(absl::Duration delay) {
     if (std::exchange(armed_, true)) return;
     const std::weak_ptr<WatchReactor> weak = Self();
@@ -168,7 +168,7 @@ class WatchReactor : public Call {
   const JobOpener open_;
   const StreamTasks tasks_;
   const StreamSurroundings surroundings_;
-  bool is_counted_ = false;  // in streams; from OnMessage() on
+  bool is_counted_ = false;  // by the StreamCounter; from OnMessage() on
 
   // Set by Open(), dropped by OnEnd().
   JobEventLog::Subscription subscription_;

@@ -14,7 +14,7 @@
 
 namespace planish {
 
-// What all streams share. All of it outlives them.
+// What all streams share. `streams` outlives all streams.
 struct StreamSurroundings {
   StreamCounter* streams;
   // Progress events per second of all streams together, so that many watchers cost only a few percent of one core

@@ -24,8 +24,8 @@ using google::protobuf::internal::WireFormatLite;
 // The depth limit of protobuf's own parser.
 constexpr int kMaxDepth = 100;
 
-// Memory in addition to the contents: of a string with its pointer and its allocation, of an entry of a map, of an
-// unknown field.
+// Memory that these take in addition to their contents: a string, with its pointer and its allocation; an entry of a
+// map; an unknown field.
 constexpr std::int64_t kStringBytes = 64;
 constexpr std::int64_t kEntryBytes = 96;
 constexpr std::int64_t kUnknownBytes = 48;
@@ -116,7 +116,7 @@ class Scanner {
 
   absl::Status Scalar(const FieldDescriptor* field, std::uint32_t tag, int depth) {
     if (field == nullptr) cost_.bytes += kUnknownBytes;
-    // Counted twice, since lists grow by doubling.
+    // Counts each element twice, since lists grow by doubling.
     if (field != nullptr && field->is_repeated()) cost_.bytes += 2 * ElementBytes(*field);
     std::uint64_t number = 0;
     switch (WireFormatLite::GetTagWireType(tag)) {

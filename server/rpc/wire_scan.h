@@ -24,7 +24,7 @@ struct WireCost {
 absl::StatusOr<WireCost> ScanMessage(google::protobuf::io::ZeroCopyInputStream* stream, std::int64_t length,
                                      const google::protobuf::Descriptor* type, std::int64_t max_fields);
 
-// INVALID_ARGUMENT with REQUEST_INVALID: the bytes are not a message of `type` (may be null).
+// The error INVALID_ARGUMENT with REQUEST_INVALID for bytes that are not a message of `type` (may be null).
 absl::Status NoSuchMessage(const google::protobuf::Descriptor* type);
 
 }  // namespace planish

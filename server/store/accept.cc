@@ -29,7 +29,7 @@ struct AcceptCall {
 
 namespace {
 
-// Whether a new job may still join this work. `jobs` has all of its jobs.
+// Whether a new job may still join work with these jobs.
 bool MayJoin(const std::vector<JobRow>& jobs) {
   return std::any_of(jobs.begin(), jobs.end(), [](const JobRow& row) {
     const bool stops = row.standing.leased && row.standing.stop_requested;
@@ -59,9 +59,10 @@ bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
   return RoomFor(accounts, *job.limits, asked.tenant(), asked.mesh_bytes()) == Room::kYes;
 }
 
-// Reads the accounts that decide whether jobs have room and where their tenants begin, together with the next query.
-// While a long queue has ample room, reads only the accounts of the jobs' own tenants. Of those, tenants with many
-// waiting jobs are skipped too: the beginning matters only to a tenant with no waiting work.
+// Reads the accounts that decide whether jobs have room, and at which virtual time their tenants begin (fair_share.h).
+// They are read together with the next query. While a long queue has ample room, reads only the accounts of the jobs'
+// own tenants, without tenants that have many waiting jobs: the virtual time matters only for a tenant with no waiting
+// work.
 class AccountsToRead {
  public:
   AccountsToRead(JobTransaction* transaction, RecentAccounts* recent) : sql_(transaction->sql()), recent_(*recent) {}
@@ -79,7 +80,7 @@ class AccountsToRead {
     return absl::OkStatus();
   }
 
-  // Call after the queries have been answered.
+  // The accounts. Call it after the queries have been answered.
   FairAccounts Take() {
     if (!known_.has_value()) {
       known_ = AccountsOf(all_);
@@ -99,8 +100,8 @@ class AccountsToRead {
   std::map<std::string, SqlRows> own_;  // by tenant
 };
 
-// The results of one query for all calls, in one round trip: a job number, the name of a job with the same name or
-// request id, and the newest work with the same key. "" if there is none.
+// What the store has for a call: a new job number, the name of a job with the same name or request id, and the newest
+// work with the same key; "" if there is none. One query finds this for all calls, in one round trip.
 struct Found {
   AcceptCall* call;
   std::int64_t number = 0;
@@ -182,7 +183,7 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
     const WorkRow& work = others->row;
     change.record.set_work(work.name);
     change.record.mutable_job()->set_result_of(work.name);
-    // Its first event must say so, too.
+    // The job's first event must name the work too.
     change.events.front().mutable_job()->set_result_of(work.name);
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
@@ -198,7 +199,7 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
     const double share = job.limits.has_value() ? job.limits->share : 1;
     PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
     transaction->AddWork(row, job.run_time);
-    // Later calls of this transaction must see this job.
+    // Later calls in this transaction must count this job.
     TenantAccount& account = accounts->tenants[asked.tenant()];
     account.waiting += 1;
     account.waiting_bytes += asked.mesh_bytes();
@@ -212,7 +213,8 @@ absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::opt
   return transaction->WriteEvents(&change);
 }
 
-// Takes the first calls that share no key. Calls of a later round find the jobs accepted in earlier ones.
+// Removes the next round from *left and returns it: the calls, in order, that share no key with an earlier call. Calls
+// of a later round find the jobs that were accepted in earlier rounds.
 std::vector<AcceptCall*> TakeRound(std::vector<AcceptCall*>* left) {
   std::vector<AcceptCall*> round, later;
   std::set<std::string_view> taken;
@@ -229,7 +231,7 @@ std::vector<AcceptCall*> TakeRound(std::vector<AcceptCall*>* left) {
 absl::Status AcceptRound(JobTransaction* transaction, const std::vector<Found>& all, FairAccounts* accounts) {
   for (const Found& found : all) {
     std::optional<JobRecord> result;
-    if (!found.same.empty()) {  // needs no room
+    if (!found.same.empty()) {  // a known job needs no room
       absl::StatusOr<JobRow> known = transaction->Find(found.same);
       if (absl::IsNotFound(known.status()))
         return StoreUnavailable("a job with its request id has just gone; try again");
@@ -245,8 +247,8 @@ absl::Status AcceptRound(JobTransaction* transaction, const std::vector<Found>& 
   return absl::OkStatus();
 }
 
-// Keys for which Accept() serializes: calls with the same name, request id or work (unless the job is fresh) must not
-// run at the same time.
+// The keys of a call: its name, request id and work (unless the job is fresh). Calls with a common key must not run at
+// the same time.
 std::vector<std::string> KeysOf(const NewJob& job) {
   const v1::Job& asked = job.record.job();
   std::vector<std::string> keys = {asked.name()};
@@ -255,9 +257,9 @@ std::vector<std::string> KeysOf(const NewJob& job) {
   return keys;
 }
 
-// Accepts several calls; those that share a key in their order.
+// Accepts several calls. Those that share a key are accepted in their order.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent) {
-  // Of two concurrent calls the second one finds the job of the first.
+  // Transactions with a common key run one after the other, so that the later one finds the job of the earlier one.
   std::vector<std::string> keys;
   for (AcceptCall* const call : calls) {
     call->accepted = {};

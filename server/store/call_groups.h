@@ -12,8 +12,9 @@
 
 namespace planish {
 
-// A call that arrives while others run waits; then one waiting thread runs all waiting calls together. The cost of a
-// call falls as the load rises. Thread-safe. A Call has `keys`; calls that share a key are in different groups.
+// A call that arrives while most_groups groups run waits; then one waiting thread runs the waiting calls together, as a
+// group. So the cost of a call falls as the load rises. A Call has `keys`; calls that share a key are in different
+// groups. Thread-safe.
 template <class Call>
 class CallGroups {
  public:
@@ -58,7 +59,8 @@ class CallGroups {
     std::condition_variable changed = {};
   };
 
-  // In order of arrival, without calls that share a key with an earlier one. Requires mutex_.
+  // Removes the next group from waiting_ and returns it: calls in order of arrival, at most most_calls_, without those
+  // that share a key with a call already taken. Requires mutex_.
   std::vector<Waiting*> TakeGroup() {
     std::vector<Waiting*> group;
     std::vector<std::string> taken;
@@ -76,7 +78,7 @@ class CallGroups {
     return group;
   }
 
-  // Requires mutex_.
+  // Wakes the call that waits longest if another group may run. Requires mutex_.
   void WakeNext() {
     if (!waiting_.empty() && groups_ < most_groups_) waiting_.front()->changed.notify_one();
   }

@@ -1,4 +1,4 @@
-// JobStore::Claim: the order of work (fair_share.h) and what fits.
+// JobStore::Claim: chooses work by its order (fair_share.h) and by the memory that the owner has free.
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -24,7 +24,7 @@
 namespace planish {
 namespace {
 
-// One Claim().
+// A call of Claim().
 class Claimer {
  public:
   Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed, ClaimWait* wait)
@@ -32,7 +32,7 @@ class Claimer {
 
   absl::Status Run() {
     if (request_.work.empty()) {
-      // Another lane each time: claims that shared one would queue there while other lanes are empty.
+      // Takes another lane each time. Claims that used the same lane would queue there while other lanes are empty.
       static std::atomic<std::uint64_t> claims = 0;
       PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
     }
@@ -65,7 +65,8 @@ class Claimer {
 
   bool IsLong(const WorkRow& work) const { return work.run_time > longest_short_; }
 
-  // The owner has its maximum of long work. Fetched rows stay locked until the end of the transaction.
+  // Drops the fetched long work, since the owner already has its maximum of it. The rows stay locked until the end of
+  // the transaction.
   void PassLongBy() {
     for (auto& [tenant, fetched] : fetched_) {
       std::erase_if(fetched.heads, [this](const LockedWork& head) { return IsLong(head.row); });
@@ -85,7 +86,7 @@ class Claimer {
         {longest_short_, std::string_view(request_.owner)}, &usage));
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
     transaction_.SetNow(usage.Int(0, 3));
-    // The transaction has done nothing but wait for its slot.
+    // So far the transaction has only waited for its turn, so its age is the time that it queued.
     wait_.queued = absl::Nanoseconds(usage.Int(0, 4));
     running_ = usage.Int(0, 0);
     runs_alone_ = usage.Int(0, 1) != 0;
@@ -99,7 +100,8 @@ class Claimer {
     return !work.alone && (request_.memory_bytes <= 0 || memory_ + work.memory_bytes <= request_.memory_bytes);
   }
 
-  // Empty if no waiting work is for this owner. Between equal tenants, the oldest work goes first.
+  // The work to claim next; nullopt if no waiting work is for this owner. Between equal tenants, the oldest work goes
+  // first.
   absl::StatusOr<std::optional<LockedWork>> Next() {
     while (true) {
       const std::vector<std::string> order = TenantsInOrder();
@@ -110,7 +112,7 @@ class Claimer {
         if (TurnOf(tenant) > TurnOf(order.front())) break;
         std::deque<LockedWork>& heads = fetched_[tenant].heads;
         if (heads.empty()) {
-          passed_by_.insert(tenant);  // concurrent claims have locked all of its work
+          passed_by_.insert(tenant);  // concurrent claims have locked all work of the tenant
         } else if (first.empty() || IsOlder(heads.front().row, fetched_[first].heads.front().row)) {
           first = tenant;
         }
@@ -151,8 +153,8 @@ class Claimer {
     return tenants;
   }
 
-  // Locks the next work of the first tenants and reads its jobs, in one round trip: of all tenants that are equal to
-  // the first one, and of enough others for the work to claim, an equal part of each.
+  // Locks the next work of the first tenants in `order` and reads its jobs, in one round trip. Takes as much from each
+  // of these tenants: all that are equal to the first one, and enough others for the number of pieces to claim.
   absl::Status Fetch(const std::vector<std::string>& order) {
     const std::int64_t first_turn = TurnOf(order.front());
     const auto lacks = [this](const std::string& tenant) {
@@ -176,7 +178,7 @@ class Claimer {
     for (std::size_t i = 0; i < order.size(); ++i) {
       if (i >= wanted && TurnOf(order[i]) > first_turn) break;
       if (!lacks(order[i])) continue;
-      // Rows that this transaction has chosen are still found.
+      // The query also finds the rows that this transaction has locked before.
       const std::size_t limit = fetched_[order[i]].names.size() + part;
       questions.Add({std::string_view(order[i]), most, longest, static_cast<std::int64_t>(limit)});
       missing[order[i]] = limit;
@@ -185,7 +187,7 @@ class Claimer {
     PLANISH_RETURN_IF_ERROR(questions.Send(&sql_, &answers));
     PLANISH_RETURN_IF_ERROR(sql_.Flush());
     for (const SqlRows& rows : answers) {
-      std::vector<WorkRow> works = WorkRowsOf(rows);  // each once for every job that it has
+      std::vector<WorkRow> works = WorkRowsOf(rows);  // each piece of work once for each of its jobs
       std::size_t next = 0;
       for (std::size_t begin = 0; begin < works.size(); begin = next) {
         WorkRow& work = works[begin];
@@ -207,8 +209,8 @@ class Claimer {
     return absl::OkStatus();
   }
 
-  // Takes the tenant's lock until the transaction ends, so that one transaction at a time counts against its limits.
-  // False if a limit is reached or another transaction holds the lock.
+  // Whether the tenant's own limits let this work run. Takes the tenant's lock until the transaction ends, so that one
+  // transaction at a time counts against the limits. False also if another transaction holds the lock.
   absl::StatusOr<bool> MayRun(const WorkRow& work) {
     const std::string& tenant = work.tenant;
     const TenantLimits limits = LimitsOf(tenant);
@@ -245,7 +247,7 @@ class Claimer {
     const double share = ShareOf(limits);
     const std::int64_t charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
     TenantAccount& account = accounts_.tenants[tenant];
-    // Until one of its attempts ended, the tenant may have been waiting because of its own `running` limit.
+    // If this work takes the tenant to its own limit, the tenant may have been waiting for one of its attempts to end.
     std::int64_t& reserved = reserved_[tenant];
     reserved += row.memory_bytes;
     const bool was_held_back = (limits.running >= 0 && account.running + 1 >= limits.running) ||
@@ -255,7 +257,7 @@ class Claimer {
     transaction_.accounts().of(tenant).received += lift;
     accounts_.virtual_time = std::max(accounts_.virtual_time, ReceivedBy(account, share, Now()));
     transaction_.accounts().RaiseVirtualTime(accounts_.virtual_time);
-    // Later decisions of this transaction must see this.
+    // Later decisions in this transaction must count this work.
     account.waiting -= 1;
     account.running += 1;
     account.started += now_ / 1'000'000;
@@ -302,17 +304,17 @@ class Claimer {
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // includes the chosen work
   std::vector<LockedWork> chosen_;
-  std::set<std::string> passed_by_, counted_;     // tenants
+  std::set<std::string> passed_by_, counted_;     // names of tenants
   std::map<std::string, std::int64_t> reserved_;  // reserved memory of the counted tenants
   // Locked work of a tenant.
   struct Fetched {
-    std::deque<LockedWork> heads;  // not chosen, in order
+    std::deque<LockedWork> heads;  // not chosen yet, in order
     std::set<std::string> names;   // of all locked work
-    bool all = false;              // whether the tenant has no more
+    bool all = false;              // whether the tenant has no more waiting work
   };
   std::map<std::string, Fetched> fetched_;
   std::int64_t longest_short_ = std::numeric_limits<std::int64_t>::max();  // nanoseconds
-  // Of this owner.
+  // The running and chosen work of this owner.
   std::int64_t running_ = 0;
   std::int64_t memory_ = 0;
   std::int64_t long_ = 0;  // pieces of long work

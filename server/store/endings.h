@@ -18,7 +18,7 @@ namespace planish {
 absl::Status AddProgress(JobTransaction* transaction, const std::vector<v1::Progress>& progress, JobChange* change);
 // Ends the job with the worker's result.
 absl::Status Deliver(JobTransaction* transaction, const AttemptOutcome& outcome, JobChange* change);
-// The attempt was lost with its worker.
+// The attempt was lost with its worker: queues the job again, or fails it after the last attempt.
 absl::Status Lose(JobTransaction* transaction, const AttemptOutcome::Loss& loss, JobChange* change);
 // The attempt needed more memory than was reserved: queues the job again with `memory_bytes`.
 absl::Status Enlarge(JobTransaction* transaction, std::int64_t memory_bytes, JobChange* change);

@@ -2,7 +2,7 @@
 //
 // Start-time fair queueing for several servers (Goyal, Vin, Cheng: "Start-time Fair Queueing", SIGCOMM 1996; SFQ(D) of
 // Jin, Chase, Kaur: "Interposed Proportional Sharing for a Storage Service Utility", SIGMETRICS 2004). There, costs are
-// known; here they are expected at first and put right as attempts end:
+// known; here they are estimated at first and corrected when attempts end:
 //   Received(t)  worker time of tenant t divided by its share; running work counts with its time so far
 //   Start(t)     the same, but running work counts with its expected time if that is longer, and always with slightly
 //                more than its time so far
@@ -10,9 +10,9 @@
 //                while there is work
 // The next work is that of the tenant with the least Start(t), among the tenants that have waiting work and may run
 // more. A tenant that had no waiting work begins at max(Start(t), v), and so does one that was held back by its own
-// limit on running work. So neither gains credit, and time used while others waited is remembered. Since v <=
-// Received(t) < Start(t) for the tenant that got the last worker, a new tenant is ahead of one that has been served all
-// the time, however much work that one has waiting.
+// limit on running work. So no tenant gains credit while it does not compete, and the time that it used while others
+// waited is remembered. Since v <= Received(t) < Start(t) for the tenant that got the last worker, a new tenant is
+// ahead of a tenant that has been served all the time, however much work the latter has waiting.
 //
 // Within a tenant, age and priority decide (QueueTime).
 #pragma once
@@ -61,7 +61,7 @@ std::int64_t ChargeFor(absl::Duration run_time, double share);
 // What an attempt of length `elapsed` adds to TenantAccount::received.
 std::int64_t SettledFor(absl::Duration elapsed, double share);
 
-// What to add to `received` of a tenant to raise it to v.
+// What to add to the tenant's `received` to raise its Start(t) to v; 0 if it is not below v.
 std::int64_t LiftOf(const FairAccounts& accounts, const std::string& tenant, double share, absl::Time now);
 
 double ShareOf(const TenantLimits& limits);
@@ -73,7 +73,7 @@ struct QueueLimits {
   int total_jobs = 1024;                             // of all tenants
   std::int64_t total_bytes = std::int64_t{1} << 30;  // of the waiting meshes
   double share = 1;                                  // of the tenant
-  int workers = 0;  // they take work at once if idle, so this many more pieces may wait
+  int workers = 0;  // of all servers; as many more pieces may wait as workers are idle, since these take them at once
 };
 
 enum class Room {

@@ -15,7 +15,7 @@ namespace planish {
 struct FinishCall {
   const Lease& lease;
   const AttemptOutcome& outcome;
-  std::vector<std::string> keys;  // the work
+  std::vector<std::string> keys;  // the name of the work
   absl::Status status;
   std::vector<JobChange> changes;
   bool is_lost = false;  // whether the lease was lost

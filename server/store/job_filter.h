@@ -42,7 +42,7 @@ struct JobFilter {
   std::string tenant;                      // empty: any
 };
 
-// INVALID_ARGUMENT with REQUEST_INVALID, which says where the text cannot be read.
+// Parses a filter. INVALID_ARGUMENT with REQUEST_INVALID; the message says where the text cannot be read.
 absl::StatusOr<JobFilter> ParseJobFilter(std::string_view text);
 
 }  // namespace planish

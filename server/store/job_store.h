@@ -53,9 +53,9 @@ namespace planish {
 
 using JobRecord = store::v1::JobRecord;
 
-// The caller's settings.
+// Settings of the server that calls a verb.
 struct VerbContext {
-  absl::Duration retained_time = absl::InfiniteDuration();  // until Job.expire_time, for jobs that succeed
+  absl::Duration retained_time = absl::InfiniteDuration();  // from a job's success to its Job.expire_time
   int max_attempts = 3;                                     // after so many lost workers or servers a job fails
 };
 
@@ -83,20 +83,20 @@ enum class Wish {
 struct WorkRow {
   std::string name, tenant;
   std::int64_t number = 0;  // the lowest number of its jobs
-  bool running = false;     // there is a lease, which may be over
+  bool running = false;     // there is a lease, which may have expired
   std::int64_t turn_time = 0;
   std::int64_t memory_bytes = 0;
   std::int64_t mesh_bytes = 0;
-  std::int64_t run_time = 0;  // expected; a duration
+  std::int64_t run_time = 0;  // expected run time, a duration
   bool alone = false;         // its owner must run nothing else beside it
   Wish wish = Wish::kGoOn;
-  // Set while it runs. `attempt` also stays after a loss.
+  // The following are set while the work runs. `attempt` also stays after a loss.
   std::string owner;
   int attempt = 0;
   std::int64_t lease_until = 0;
   std::int64_t start_time = 0;
-  std::int64_t charge = 0;         // TenantAccount::charged
-  std::int64_t share = 1'000'000;  // of the tenant when it was claimed, in millionths
+  std::int64_t charge = 0;         // what the work adds to TenantAccount::charged
+  std::int64_t share = 1'000'000;  // the tenant's share when the work was claimed, in millionths
 
   bool operator==(const WorkRow&) const = default;
 };
@@ -112,18 +112,18 @@ struct NewJob {
   // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is
   // set.
   JobRecord record;
-  absl::Duration run_time;            // expected for its work; 0: not known
-  std::optional<QueueLimits> limits;  // for new work only; empty: no limits
+  absl::Duration run_time;            // expected run time of the job's work; 0: not known
+  std::optional<QueueLimits> limits;  // apply if the job is new work; empty: no limits
   absl::Duration callers_for;         // for an attached record: sets JobRecord.callers_until, counted from now
   std::vector<BlobRow> blobs;         // small blobs of the job
-  // Name of a job with the same work key. If its result is still kept, the new job takes it. Empty: no such job.
+  // Name of a job with the same work key. If that job's result is still kept, the new job takes it. Empty: no such job.
   std::string result_of;
 };
 
 struct AcceptedChange {
   bool created = false;    // false: `change.record` is a job that was there, with the same name or request id
   bool shares = false;     // created, and has the work or the result of another job
-  Room room = Room::kYes;  // any other: there was no room, nothing has changed, and `change` is empty
+  Room room = Room::kYes;  // otherwise there was no room, nothing has changed, and `change` is empty
   JobChange change;        // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
 };
 
@@ -162,7 +162,7 @@ struct AttemptOutcome {
     bool is_final = false;                        // another attempt would be lost as well
   };
 
-  std::vector<v1::Progress> progress;  // not reported yet
+  std::vector<v1::Progress> progress;  // progress that was not reported yet
   google::rpc::Status status;          // the worker's answer: OK, CANCELLED, or an error
   v1::Report report;                   // with OK
   v1::UvDescription uv;                // with OK
@@ -170,7 +170,7 @@ struct AttemptOutcome {
   // Not 0: the reservation was too small. The work waits for another attempt with this reservation, regardless of
   // `status`.
   std::int64_t memory_bytes = 0;
-  std::vector<BlobRow> blobs;  // small ones: the UV
+  std::vector<BlobRow> blobs;  // the UV, if they are a small blob
 };
 
 struct StoreNews {
@@ -183,7 +183,7 @@ struct StoreNews {
 
 enum class EarlyEnd { kCancel, kTimeout };
 
-// Progress of a job's events.
+// How far the events of a job have come.
 struct JobPosition {
   std::int64_t number = 0;
   std::int64_t last_sequence = 0;  // sequence of its newest event; 0: no event yet
@@ -203,7 +203,7 @@ struct TenantTotals {
   std::int64_t record_bytes = 0;  // records, reports and events of ended jobs
 };
 
-// Jobs of one tenant that have not ended, have the same state and were given the same priority.
+// The number of unfinished jobs of one tenant with the same state and priority.
 struct JobCount {
   std::string tenant;
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
@@ -212,7 +212,7 @@ struct JobCount {
   absl::Time first;  // the earliest Job.create_time
 };
 
-// What has not ended.
+// Numbers of unfinished jobs and work.
 struct QueueCounts {
   std::vector<JobCount> jobs;
   std::int64_t waiting_works = 0;
@@ -222,11 +222,11 @@ struct QueueCounts {
 };
 
 struct JobTotals {
-  std::map<std::string, TenantTotals> tenants;  // that have records
+  std::map<std::string, TenantTotals> tenants;  // tenants that have records
 };
 
 struct JobStoreOptions {
-  // The store's. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
+  // The store's clock. Null: the database's own clock if it has one (SqlDatabase::has_clock), else absl::Now.
   std::function<absl::Time()> clock;
 };
 
@@ -325,7 +325,7 @@ class JobStore {
   absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant, const std::string& request_id);
   // The newest SUCCEEDED job with this work key.
   absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key);
-  // Newest first.
+  // The matching records, newest first.
   absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query);
   // Jobs that have not ended, oldest first.
   absl::StatusOr<std::vector<JobRecord>> Unfinished();
@@ -333,7 +333,7 @@ class JobStore {
   absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
   absl::StatusOr<JobTotals> Totals();
   absl::StatusOr<FairAccounts> Accounts();
-  // `owner` may be empty.
+  // `owner`: the owner for QueueCounts::own_running_works and own_reserved_bytes; may be empty.
   absl::StatusOr<QueueCounts> Counts(const std::string& owner);
   absl::StatusOr<QueueState> Queue();
   // Whether the tenant has an unfinished job with this work key.
@@ -367,7 +367,7 @@ class JobStore {
   const std::unique_ptr<Parts> parts_;
 };
 
-// With OpenSqliteDatabase().
+// A JobStore on the database of OpenSqliteDatabase(path, give_up_reserve).
 absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path,
                                                        std::function<bool()> give_up_reserve = nullptr);
 

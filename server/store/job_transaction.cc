@@ -21,20 +21,20 @@ using google::protobuf::util::TimeUtil;
 // Sequence numbers reserved at a time.
 constexpr std::int64_t kSequenceBlock = 1024;
 
-// At least this many progress events of a job are kept; older ones are deleted after each of that many.
+// At least this many progress events of a job are kept. Each time as many more have come, older ones are deleted.
 constexpr std::int64_t kKeptProgress = 2048;
 
 absl::Status BadRow() {
   return InternalError("the job store: a row that cannot be read");
 }
 
-// Fills in the tenant of records from before there were tenants. Unknown fields from earlier builds are dropped when
-// rows are read: clients may use another field with that number.
+// Fills in the tenant of records from before there were tenants.
 void FillInTenant(v1::Job* job) {
   if (job->tenant().empty()) job->set_tenant(kDefaultTenant);
 }
 
-// Lists omit reports, which may be hundreds of KB each and have a column of their own.
+// Serializes `message` without the report of its `job`. Reports may be hundreds of KB each and have a column of their
+// own, so that lists can omit them.
 template <class Message>
 std::string BytesWithoutReport(Message* message, v1::Job* job) {
   v1::Report* const report = job->release_report();
@@ -119,7 +119,7 @@ std::int64_t KeptBytes(const JobRecord& record) {
          std::llround(kept * static_cast<double>(record.event_bytes()));
 }
 
-// Reports are counted with the record.
+// Adds the size of the event to event_bytes, without its report, which is counted with the record.
 void NoteEventBytes(const v1::JobEvent& event, JobRecord* record) {
   std::size_t bytes = event.ByteSizeLong();
   if (event.job().has_report()) bytes -= event.job().report().ByteSizeLong();
@@ -136,7 +136,7 @@ absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t 
   const std::string& report = rows.Bytes(i, column + 3);
   const bool has_report = !report.empty();
   if (has_report && !record.mutable_job()->mutable_report()->ParseFromString(report)) return BadRow();
-  record.DiscardUnknownFields();
+  record.DiscardUnknownFields();  // of earlier builds: clients may use other fields with these numbers
   record.set_number(rows.Int(i, column));
   job.had_request_id = !record.request_id().empty();
   job.due = rows.Int(i, column + 1);
@@ -211,7 +211,8 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
   return std::move(jobs.front());
 }
 
-// The lock of a work's row also locks its jobs: every transaction that changes or adds one takes it first.
+// The lock of a work's row also locks its jobs: every transaction that changes or adds such a job takes this lock
+// first.
 absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
   static const std::string select = absl::StrCat("SELECT ", kWorkColumns, ", {now} FROM works WHERE name = ? ");
   static const std::string waits = select + "{lock}", skips = select + "{skip}";
@@ -224,8 +225,8 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
 }
 
 absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
-  // Not "running = 1", as in JobStore::Renew: PostgreSQL might use the index of the owner's running work, and read all
-  // of it, instead of the index of names.
+  // Says "running != 0", as JobStore::Renew does: with "running = 1" PostgreSQL might use the index of the owner's
+  // running work, and read all of it, instead of the index of names.
   static const std::string sql =
       absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running != 0 RETURNING ",
                    kWorkColumns, ", {now}");
@@ -383,7 +384,7 @@ absl::Status JobTransaction::FlushRows() {
   for (auto& [columns, batch] : saves_) batches.push_back(&batch);
   batches.insert(batches.end(), {&events_, &works_});
   for (RowBatch* const batch : batches) PLANISH_RETURN_IF_ERROR(batch->Send(&sql_));
-  for (const auto& [id, bytes] : blobs_) {  // the same order everywhere
+  for (const auto& [id, bytes] : blobs_) {  // in the order of ids, as in every transaction
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(
         "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
         {std::string_view(id.tenant), SqlBytes{id.sha256}, SqlBytes{bytes->bytes()}}));
@@ -559,7 +560,7 @@ absl::Status JobTransaction::EndEarly(const LockedWork& work, EarlyEnd why, bool
   } else {
     record.set_timed_out(true);
   }
-  // If the worker works for this job only, it must answer first.
+  // If a worker runs the work for this job alone, the job ends when the worker has answered.
   if (IsLeased(record) && work.Size() == 1) {
     const bool runs = record.job().state() == v1::JOB_STATE_RUNNING;
     return runs ? Act(JobAction::kCancel, change) : absl::OkStatus();

@@ -90,21 +90,22 @@ class JobTransaction {
   SqlConnection& sql() { return sql_; }
   const VerbContext& context() const { return context_; }
   AccountChanges& accounts() { return accounts_; }
-  // Published after the commit.
+  // The news that are published after the commit.
   StoreNews& news() { return news_; }
 
   // The store's clock in nanoseconds since 1970; the same for the whole transaction.
   absl::StatusOr<std::int64_t> Now();
-  // Saves Now() a statement, if another statement has read {now}.
+  // Sets Now() to {now} as another statement has read it, so that Now() need not run a statement.
   void SetNow(std::int64_t database_now);
 
   // Reads a job without locking its work. NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
 
-  // Empty if the work has ended, or if it is locked by another transaction and `wait` is false.
+  // Locks work, and reads its unfinished jobs. Nullopt if the work has ended, or if another transaction has locked it
+  // and `wait` is false.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
-  // Locks work whose jobs are all about to end, and deletes its rows, in one round trip. Empty for a lease that is not
-  // current. `ordered` is sorted by name, as everywhere, which prevents deadlocks.
+  // Locks work whose jobs are all about to end, and deletes its rows, in one round trip. The result has nullopt for a
+  // lease that is not current. `ordered` is sorted by the name of the work, as everywhere, which prevents deadlocks.
   absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
   // Combines a locked row with its jobs, in any order, which were read after it was locked.
   LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
@@ -118,11 +119,11 @@ class JobTransaction {
   };
   absl::StatusOr<Locked> LockJob(const std::string& name);
 
-  // After all jobs of the work are saved: updates its row, or deletes it if no job is left. The lease in `work->row`
-  // stays while one of its jobs is leased.
+  // Call it after all jobs of the work are saved: updates the work's row, or deletes it if no job is left. The lease in
+  // `work->row` stays while one of its jobs is leased.
   absl::Status Settle(LockedWork* work);
-  // Before work of a tenant without waiting work is added: raises the tenant to the virtual time (fair_share.h). No
-  // effect if the tenant has waiting work.
+  // Call it before work of a tenant without waiting work is added: raises the tenant to the virtual time
+  // (fair_share.h). No effect if the tenant has waiting work.
   absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
   // Adds the work of a job that was just inserted.
   void AddWork(const JobRow& job, absl::Duration run_time);
@@ -146,12 +147,12 @@ class JobTransaction {
 
   // Adds `event` under the job's next sequence.
   absl::Status AddEvent(JobChange* change, v1::JobEvent event);
-  // After a loss of power: continues behind all reserved sequences, which watchers may have seen.
+  // Call it after a loss of power: the next sequences are above all reserved ones, which watchers may have seen.
   static void SkipReserved(JobRecord* record);
   // Writes the events of the change. Call it after Insert(), which gives them their job's number.
   absl::Status WriteEvents(JobChange* change);
 
-  // FAILED with `error`.
+  // Ends the job as FAILED with `error`.
   absl::Status Fail(const google::rpc::Status& error, JobChange* change);
   // If the job is being cancelled or has timed out, ends it. Returns whether it did.
   absl::StatusOr<bool> EndIfWanted(JobChange* change);
@@ -160,14 +161,14 @@ class JobTransaction {
   // JobStore::EndEarly and RequestStop for a job of locked work.
   absl::Status EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change);
   absl::Status Stop(JobChange* change);
-  // An attempt at the job's work starts.
+  // Makes the job RUNNING, since an attempt at its work has started.
   absl::Status Start(const Lease& lease, JobChange* change);
 
  private:
   // LiftIn() with the current accounts.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
-  // By name of their work.
+  // Unfinished jobs, by the name of their work.
   using JobsByWork = std::map<std::string, std::vector<JobRow>>;
   absl::StatusOr<JobsByWork> ReadJobs(const std::vector<std::string>& works);
 

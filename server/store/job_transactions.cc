@@ -85,7 +85,7 @@ absl::StatusOr<std::vector<JobChange>> JobTransactions::ForWorks(
   const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) -> absl::Status {
     changes.clear();
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, works(transaction));
-    // In the same order everywhere, which prevents deadlocks.
+    // Locks work in the same order everywhere, which prevents deadlocks.
     std::set<std::string> names;
     for (std::size_t i = 0; i < rows.size(); ++i) names.insert(rows.Bytes(i, 0));
     for (const std::string& name : names) {

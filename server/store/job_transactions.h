@@ -54,7 +54,7 @@ class JobTransactions {
     for (Call* const each : all) each->status = is_answer ? status : change({each});
   }
 
-  // Concurrent calls share a transaction.
+  // Runs the call in a transaction that concurrent calls of the same `groups` share. Returns the status of the call.
   template <class Call, class OnCalls>
   absl::Status ChangeTogether(const VerbContext& context, CallGroups<Call>* groups, Call* call, const OnCalls& body) {
     groups->Run(call, [&](const std::vector<Call*>& calls) { ChangeAll(context, calls, body); });

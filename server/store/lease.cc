@@ -1,4 +1,4 @@
-// JobStore::Renew, Report and Release: what an owner says about the leases that it keeps or gives up.
+// JobStore::Renew, Report and Release: the verbs for an owner that keeps its leases or gives them up.
 #include <algorithm>
 #include <cstdint>
 #include <deque>
@@ -28,7 +28,7 @@ absl::StatusOr<std::int64_t> LeaseUntil(JobTransaction* transaction, absl::Durat
 
 absl::StatusOr<std::vector<Wish>> JobStore::Renew(const std::vector<Lease>& leases, absl::Duration lease) {
   std::vector<Wish> wishes(leases.size());
-  std::vector<std::size_t> order(leases.size());  // the same everywhere, which prevents deadlocks
+  std::vector<std::size_t> order(leases.size());  // by name of the work, as everywhere, which prevents deadlocks
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
   const absl::Status status =
@@ -62,8 +62,8 @@ absl::StatusOr<std::vector<Wish>> JobStore::Renew(const std::vector<Lease>& leas
 absl::StatusOr<std::vector<JobChange>> JobStore::Report(const VerbContext& context, const Lease& lease,
                                                         const std::vector<v1::Progress>& progress) {
   // A loss of power may undo progress events that watchers have seen. So sequence numbers are reserved, durably, and
-  // never used twice. With a shared database this is not needed: its watchers survive, and JobFeed knows what they have
-  // seen.
+  // never used twice. With a shared database this is not needed: the servers and their watchers survive the loss, and
+  // JobFeed knows which events the watchers have seen.
   const bool may_reserve = !parts_->database->is_shared();
   bool reserves = false;
   const auto report = [&](Durability durability) {

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::chrono::seconds kRetry(1);
 constexpr std::chrono::seconds kLook(60);        // interval of checks of a silent connection
-constexpr std::chrono::milliseconds kGather(5);  // messages of this time are sent together
+constexpr std::chrono::milliseconds kGather(5);  // lines that are published within this time are sent together
 
 // Limits on the messages of all processes together, and on the wake-ups that they cause: each process sends less often
 // the more processes there are and the more of them listen.
@@ -28,16 +28,16 @@ constexpr int kWakesPerSecond = 4000;
 
 // PostgreSQL allows payloads below 8,000 bytes.
 constexpr std::size_t kMostBytes = 7900;
-constexpr std::size_t kMostMessages = 16;  // sent at once; more are replaced by "*"
+constexpr std::size_t kMostMessages = 16;  // payloads sent at once; if there are more, "*" is sent instead
 
 }  // namespace
 
 class PostgresChannel::Link {
  public:
-  // Null: not connected.
+  // `connection` null: not connected.
   explicit Link(PGconn* connection) : connection_(connection) {}
 
-  // False if the connection is lost.
+  // Begins or ends to listen. False if the connection is lost.
   bool Listen(bool listens) {
     if (connection_ == nullptr) return false;
     if (listens == listens_) return true;
@@ -53,7 +53,7 @@ class PostgresChannel::Link {
     return Query("SELECT pg_notify('planish', $1)", message.c_str()) != nullptr;
   }
 
-  // False if the connection is lost.
+  // Calls `listener` with the messages of other processes that have arrived. False if the connection is lost.
   bool Receive(const Listener& listener) {
     if (PQconsumeInput(connection_.get()) == 0) return false;
     while (PGnotify* const notice = PQnotifies(connection_.get())) {
@@ -73,7 +73,7 @@ class PostgresChannel::Link {
   };
   using Result = std::unique_ptr<PGresult, Clearer>;
 
-  // Null: the query failed.
+  // The result of the query; null if it failed.
   Result Query(const char* sql, const char* parameter) {
     Result result(
         PQexecParams(connection_.get(), sql, parameter == nullptr ? 0 : 1, nullptr, &parameter, nullptr, nullptr, 0));

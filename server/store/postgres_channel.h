@@ -17,9 +17,9 @@ struct pg_conn;  // libpq's PGconn
 namespace planish {
 
 // Has its own connection and thread. Messages are sent outside of transactions, since PostgreSQL lets only one
-// transaction with a NOTIFY commit at a time. Messages of some milliseconds are sent together, of a longer time if
-// there are many processes. A message wakes all listening processes; two hundred of them keep a whole PostgreSQL busy.
-// So if there are many, only those that must listen do (kMostListeners). Thread-safe.
+// transaction with a NOTIFY commit at a time. Lines that are published within some milliseconds are sent together; with
+// many processes this time is longer. A message wakes all listening processes, and two hundred of them keep a whole
+// PostgreSQL busy. So with more than kMostListeners processes, only those that must hear messages listen. Thread-safe.
 class PostgresChannel {
  public:
   using Listener = std::function<void(std::string_view message)>;
@@ -42,7 +42,7 @@ class PostgresChannel {
   // Whether messages are received. False if there are too many processes, or the connection is lost.
   bool hears() const { return hears_; }
 
-  // With more processes than this, those that need not listen do not.
+  // With more processes than this, only those that must hear messages listen.
   static constexpr int kMostListeners = 32;
 
  private:
@@ -56,9 +56,9 @@ class PostgresChannel {
   bool ShouldListen();
   // Time between two messages of this process.
   Clock::duration Spacing();
-  // When the oldest unsent line was given; empty: no line waits.
+  // When the oldest unsent line was published; nullopt if no line waits.
   std::optional<Clock::time_point> PendingSince();
-  // False if the connection is lost.
+  // Sends the pending lines. False if the connection is lost.
   bool Send(Link* link);
 
   const Connector connect_;

@@ -59,7 +59,7 @@ std::string PostgresWord(std::string_view word) {
   if (word == "rowid") return "BIGINT";
   if (word == "text") return "TEXT COLLATE \"C\"";  // byte order, as in SQLite, whatever the machine's locale
   if (word == "bytes") return "BYTEA";
-  if (word == "anywhere") return "ctid >= '(0,0)'";  // sequential scans are off, so this avoids an index
+  if (word == "anywhere") return "ctid >= '(0,0)'";  // else an index would be used, since sequential scans are off
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   if (word == "elapsed") {
     return "CAST(extract(epoch FROM clock_timestamp() - transaction_timestamp()) * 1000000000 AS BIGINT)";
@@ -156,7 +156,7 @@ class Primary {
     return cluster_.empty();
   }
 
-  // Whether this server may be used; remembers it if so.
+  // OK if this server may be used; then remembers its identity.
   absl::Status Admit(const Identity& found) {
     const std::lock_guard lock(mutex_);
     if (cluster_.empty()) cluster_ = found.cluster;
@@ -219,11 +219,10 @@ class PostgresConnection : public SqlConnection {
     }
     PQsetNoticeProcessor(
         raw, [](void*, const char*) {}, nullptr);
-    // A session that hangs within a transaction holds locks that others wait for, hence the timeouts. Without
-    // statistics, or with those of a queue that grew from nothing within a minute, PostgreSQL would read whole tables
-    // for a few rows, and sort all waiting rows for one of them, since bitmaps have no order; every frequent query has
-    // an index. Plans do not depend on parameters, so that a statement is planned only once: its limits would have it
-    // planned each time.
+    // The timeouts end a session that hangs within a transaction, since it holds locks that others wait for. Every
+    // frequent query has an index, so other scans are off: with no or old statistics, for instance of a queue that has
+    // just grown, PostgreSQL would read whole tables, or sort all waiting rows to get one (bitmaps have no order). With
+    // generic plans a statement is planned once; its LIMIT would otherwise have it planned each time.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
         "SET enable_seqscan = off; SET plan_cache_mode = force_generic_plan"));
@@ -353,7 +352,7 @@ class PostgresConnection : public SqlConnection {
   struct Statement {
     std::string sql;
     std::vector<Parameter> parameters;
-    SqlRows* rows = nullptr;  // to be filled
+    SqlRows* rows = nullptr;  // where its rows go; may be null
   };
 
   static std::vector<Parameter> Encoded(const std::vector<SqlValue>& values) {
@@ -424,7 +423,7 @@ class PostgresConnection : public SqlConnection {
     }
     sent = sent && PQpipelineSync(raw) != 0;
     absl::StatusOr<Result> outcome = sent ? Collect(results) : StoreUnavailable(OneLine(PQerrorMessage(raw)));
-    // Everything that arrives now ends the batch. A lost connection is discarded.
+    // Reads the rest of the batch's answers. A lost connection is discarded.
     while (PGresult* rest = PQgetResult(raw)) PQclear(rest);
     if (PQexitPipelineMode(raw) == 0 && outcome.ok()) outcome = StoreUnavailable(OneLine(PQerrorMessage(raw)));
     if (!outcome.ok()) {
@@ -458,7 +457,7 @@ class PostgresConnection : public SqlConnection {
     if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
       return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
     }
-    // Errors that pass: connection (08), operator intervention (57P), conflicts (40), locks and limits (53, 55, 57014,
+    // Temporary errors: connection (08), operator intervention (57P), conflicts (40), locks and limits (53, 55, 57014,
     // 25P03), and a server that accepts no writes, such as a standby (25006).
     const bool passes = !IsGood() || state.empty() || state.starts_with("08") || state.starts_with("57") ||
                         state.starts_with("40") || state.starts_with("53") || state.starts_with("55") ||
@@ -468,9 +467,9 @@ class PostgresConnection : public SqlConnection {
 
   std::unique_ptr<PGconn, Closer> connection_;
   bool in_transaction_ = false;     // between Begin() and the end, even if the server does not know yet
-  std::int64_t slot_ = 0;           // of the transaction
+  std::int64_t slot_ = 0;           // Slot() of the transaction
   SqlRows turn_;                    // the result of the transaction's TakeTurn()
-  std::vector<Statement> waiting_;  // of RunLater()
+  std::vector<Statement> waiting_;  // statements given to RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
   std::int64_t last_name_ = 0;
 };
@@ -537,7 +536,7 @@ class PostgresDatabase : public SqlDatabase {
   bool outlives_process() const override { return true; }
 
  private:
-  // Within a transaction; one process at a time.
+  // Sets up JobStore's tables. Call it in a transaction; an advisory lock admits one process at a time.
   absl::Status SetUpJobs(PostgresConnection* connection) {
     PLANISH_RETURN_IF_ERROR(connection->Execute(absl::StrCat("SELECT pg_advisory_xact_lock(", kMigrationKey, ")")));
     PLANISH_RETURN_IF_ERROR(
@@ -558,7 +557,8 @@ class PostgresDatabase : public SqlDatabase {
     return connection->Run("UPDATE meta SET version = ?", {kVersion}).status();
   }
 
-  // A null or broken connection makes room for a new one. After one broke, the others are probably broken as well.
+  // Takes a connection back. A null or broken one makes room for a new one; the idle ones, which are probably broken as
+  // well, are then closed.
   void GiveBack(std::unique_ptr<PostgresConnection> connection) {
     std::vector<std::unique_ptr<PostgresConnection>> closed;
     const std::lock_guard lock(mutex_);

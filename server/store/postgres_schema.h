@@ -1,4 +1,4 @@
-// What JobStore needs in PostgreSQL beside its tables (job_schema.h).
+// What JobStore needs in PostgreSQL in addition to its tables (job_schema.h).
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ inline constexpr std::uint64_t kTurns = 2;
 // Pages of frequently updated rows have room for new row versions. Rows of tenants, which are updated all the time and
 // read together, stay on a few pages. take_turn() returns 1 with the lock, which lasts until the end of the
 // transaction, or 0 if it timed out. live_jobs_of() implements {with_jobs}. It is VOLATILE so that its query sees what
-// was committed before the call, which comes after the lock of the work; a join would see the state before the whole
+// was committed before the call, which comes after the work was locked; a join would see the state before the whole
 // statement.
 inline constexpr char kPostgresSchema[] = R"sql(
   CREATE SEQUENCE job_numbers;

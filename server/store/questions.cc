@@ -19,7 +19,7 @@ std::string JobsWhere(const std::string& condition) {
   return absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ", condition);
 }
 
-// Has a parameter for each condition, in the order of ListValues().
+// The statement of List(). Has a parameter for each condition, in the order of ListValues().
 std::string ListSql(const JobQuery& query) {
   std::string sql =
       absl::StrCat("SELECT ", query.with_reports ? kJobColumns : kLeanJobColumns, " FROM jobs WHERE number < ?");
@@ -232,7 +232,7 @@ absl::StatusOr<std::vector<v1::JobEvent>> JobStore::Events(std::int64_t number, 
 }
 
 absl::StatusOr<std::vector<JobPosition>> JobStore::Positions(const std::vector<std::int64_t>& numbers) {
-  // One statement for any number of jobs, so that a connection prepares it once.
+  // The statement is the same for any number of jobs, so that a connection prepares it once.
   constexpr std::size_t kAtOnce = 64;
   static const std::string sql = absl::StrCat(
       "SELECT number, ended, COALESCE((SELECT max(sequence) FROM events WHERE job = number), 0) "

@@ -17,7 +17,7 @@ absl::StatusOr<std::vector<JobChange>> JobStore::Reap(const VerbContext& context
     if (!work.running) return false;
     return sole_owner.empty() ? work.lease_until <= now : work.owner != sole_owner;
   };
-  // Ordered by the index of running work; without an order PostgreSQL may scan all waiting work.
+  // The order makes PostgreSQL use the index of running work; without an order it may scan all waiting work.
   const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
     PLANISH_ASSIGN_OR_RETURN(now, transaction.Now());
     if (!sole_owner.empty()) {

@@ -1,4 +1,4 @@
-// The servers that share a store, so that each can report on all.
+// The servers that share a store, so that each server can report on all of them.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +28,8 @@ struct ClockOffset {
   absl::Duration error;  // bound of the error of `ahead`
 };
 
-// A row for each server, which expires unless it is announced again, by the database's clock. Thread-safe. Errors as of
-// SqlConnection.
+// A table with a row for each server. A row expires, by the database's clock, unless the server is announced again.
+// Thread-safe. Errors as of SqlConnection.
 class ServerRegistry {
  public:
   // Sets up the table. `database` (PostgreSQL; FAILED_PRECONDITION with STORE_UNFIT otherwise) outlives the object.
@@ -40,7 +40,7 @@ class ServerRegistry {
   absl::Status Announce(const ServerEntry& server, absl::Duration time);
   // How far `clock` is ahead of the database's.
   absl::StatusOr<ClockOffset> Compare(const std::function<absl::Time()>& clock);
-  // The server ends.
+  // Removes the row of a server that ends.
   absl::Status Withdraw(const std::string& name);
   // The present servers, by name. Also passes their number to the database (SqlDatabase::SetProcesses).
   absl::StatusOr<std::vector<ServerEntry>> List();

@@ -84,7 +84,7 @@ void RowBatch::Add(const std::vector<SqlValue>& row) {
 
 absl::Status RowBatch::Send(SqlConnection* sql, std::deque<SqlRows>* answers) {
   for (std::size_t begin = 0, count = 0; begin < rows_.size(); begin += count) {
-    // Few different numbers of rows, since each needs a prepared statement.
+    // Sends a power of two of rows at a time, since each different number needs a prepared statement.
     count = std::bit_floor(std::min(rows_.size() - begin, most_));
     std::vector<SqlValue> values;
     for (std::size_t i = begin; i < begin + count; ++i) values.insert(values.end(), rows_[i].begin(), rows_[i].end());

@@ -7,9 +7,9 @@
 //                  (as they are once the work is locked)
 //   {next_number}  a number for a new job, above all earlier ones; `column6` of the statement counts such jobs
 //   {outcome}      the state of a job, where the statement says that it has ended
-//   {anywhere}     true of each row, where all rows of a small table are wanted: they are read in storage order
+//   {anywhere}     true for each row, to read all rows of a small table in storage order
 //   {now}          the database's time, nanoseconds since 1970; 0 without a clock (SqlDatabase::has_clock())
-//   {elapsed}      the same, since the transaction began
+//   {elapsed}      the database's time since the transaction began, nanoseconds; 0 without a clock
 #pragma once
 
 #include <cstdint>
@@ -72,7 +72,7 @@ class SqlConnection {
 
   virtual absl::Status Begin(Durability durability) = 0;
   virtual absl::Status Commit() = 0;
-  // Also allowed after an error, and without a transaction.
+  // Ends the transaction without changes. Also allowed after an error, and without a transaction.
   virtual void Rollback() = 0;
 
   // Runs one statement, within the current transaction or as its own. Statements given to RunLater() have run when it
@@ -95,20 +95,20 @@ class SqlConnection {
   // Until the end of the transaction no other transaction passes Serialize() with any of these keys. Call it at most
   // once, before anything else is locked: the keys are locked in the same order everywhere.
   virtual absl::Status Serialize(const std::vector<std::string>& keys) = 0;
-  // The same for one key, without waiting: false if another transaction holds it.
+  // Serialize() for one key, without waiting: false if another transaction holds the key.
   virtual absl::StatusOr<bool> TrySerialize(std::string_view key) = 0;
 
-  // Limits the transactions that want the head of the same queue: waits, at the begin of a transaction, until only a
-  // few others are between this call and their ends. The more run at the same time, the more locked rows each skips,
-  // and the less any of them gets done. `number`: evenly distributed over callers. May be sent like RunLater(). Waits
-  // only for a short time: HasTurn() is false, once the call was sent, if the wait timed out. Then the transaction
-  // should end, and be tried again later.
+  // Limits the number of transactions that want the head of the same queue: the more run at the same time, the more
+  // locked rows each skips, and the less any of them gets done. Call it at the begin of a transaction. Waits until only
+  // a few other transactions are between this call and their ends, but only for a short time: if the wait timed out,
+  // HasTurn() is false once the call was sent, and the transaction should end and be tried again later. May be sent
+  // like RunLater(). The argument should be evenly distributed over callers.
   virtual absl::Status TakeTurn(std::uint64_t) { return absl::OkStatus(); }
   virtual bool HasTurn() const { return true; }
 
   // A small number that concurrent writing transactions seldom share: it selects one of several rows that together hold
-  // a sum. Transactions that called TakeTurn() share theirs with no others, which may hold a row until their commit is
-  // on the disk.
+  // a sum. No other transactions have the numbers of those that called TakeTurn(), since the others may hold a row
+  // until their commit is on the disk.
   virtual std::int64_t Slot() const { return 0; }
 };
 
@@ -117,7 +117,7 @@ class SqlDatabase {
  public:
   enum class Use { kRead, kWrite };
 
-  // Returns the connection to the pool.
+  // A connection of the pool, which the destructor returns to it.
   using Lease = std::unique_ptr<SqlConnection, std::function<void(SqlConnection*)>>;
 
   virtual ~SqlDatabase() = default;
@@ -143,10 +143,10 @@ class SqlDatabase {
   // Whether {now} works, so that all machines use the same clock.
   virtual bool has_clock() const = 0;
 
-  // Whether other processes may use it at the same time.
+  // Whether other processes may use the database at the same time.
   virtual bool is_shared() const = 0;
 
-  // After STORAGE_FULL: frees reserved room. Returns whether there is more room, so that the transaction can be
+  // Call it after STORAGE_FULL: frees reserved room. Returns whether there is more room, so that the transaction can be
   // repeated.
   virtual bool GiveUpReserve() { return false; }
 
@@ -154,7 +154,7 @@ class SqlDatabase {
   virtual bool outlives_process() const = 0;
 };
 
-// UNAVAILABLE with STORE_UNAVAILABLE.
+// The error UNAVAILABLE with STORE_UNAVAILABLE; `why` is for people.
 absl::Status StoreUnavailable(const std::string& why);
 
 // Combines equal changes of (or queries for) many rows into as few statements as possible: a statement costs a database
@@ -168,7 +168,7 @@ class RowBatch {
   // Combines what the SELECT finds for each row of values.
   static RowBatch Select(std::string select);
 
-  // Values are copied.
+  // Adds a row of values, which are copied.
   void Add(const std::vector<SqlValue>& row);
   // Queues the statements (RunLater()), and clears the rows. `answers`, unless null, gets the result of each.
   absl::Status Send(SqlConnection* sql, std::deque<SqlRows>* answers = nullptr);
@@ -184,7 +184,7 @@ class RowBatch {
   Text text_;
   std::size_t most_;
   std::vector<std::vector<SqlValue>> rows_;
-  std::deque<std::string> bytes_;  // what the values refer to; never moved
+  std::deque<std::string> bytes_;  // the copied texts and bytes of the values; never moved
 };
 
 // Runs `body` in a transaction: commits if it returns OK, otherwise rolls back. If the disk is full and there is a

@@ -13,7 +13,7 @@
 
 namespace planish {
 
-// Thread-safe.
+// The rows of the table `blobs`. Thread-safe.
 class SqlBlobRows : public BlobRows {
  public:
   // `database` outlives the object.

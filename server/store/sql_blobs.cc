@@ -15,7 +15,7 @@ namespace {
 constexpr std::int64_t kChunkBytes = std::int64_t{256} << 10;
 constexpr std::int64_t kPage = 1000;
 
-// Without compression: Draco and UV hardly compress.
+// Chunks are not compressed, since Draco and UV hardly compress.
 constexpr std::string_view kBlobTables = R"sql(
   CREATE SEQUENCE blob_numbers;
   CREATE TABLE stored_blobs (
@@ -95,7 +95,7 @@ absl::StatusOr<std::string> SqlBlobStore::PutNew(const BlobId& id, std::string_v
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
     version.clear();
     const std::string_view tenant = id.tenant;
-    // Of concurrent writers of the same blob only one sends the bytes.
+    // Concurrent writers of the same blob wait here, so that only one of them sends the bytes.
     PLANISH_RETURN_IF_ERROR(sql.Serialize({absl::StrCat("blob/", id.tenant, "/", id.sha256)}));
     PLANISH_ASSIGN_OR_RETURN(
         const SqlRows there,
@@ -163,7 +163,7 @@ absl::Status SqlBlobStore::List(const std::function<void(const BlobEntry&)>& vis
 
 absl::StatusOr<bool> SqlBlobStore::Remove(const BlobId& id, absl::Duration min_age) {
   bool is_gone = false;
-  // A concurrent Renew() has locked the row: this waits, and then finds the blob too young.
+  // If a concurrent Renew() has locked the row, this transaction waits for it, and then finds the blob too young.
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
     const std::vector<SqlValue> key = {std::string_view(id.tenant), SqlBytes{id.sha256}};
     PLANISH_ASSIGN_OR_RETURN(

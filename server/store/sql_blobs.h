@@ -1,4 +1,4 @@
-// Blobs as rows of PostgreSQL, so that a farm needs nothing beside its database.
+// Blobs as rows of PostgreSQL, so that a farm needs no other storage than its database.
 #pragma once
 
 #include <functional>

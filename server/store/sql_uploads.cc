@@ -66,7 +66,7 @@ BlobId PartOf(const std::string& tenant, const UploadPiece& piece) {
   return {tenant + kParts, piece.blob_sha256};
 }
 
-// Precedes the bytes of a piece.
+// The line that precedes the bytes of a piece.
 std::string HeaderOf(const UploadState& state, std::int64_t offset) {
   return absl::StrCat("planish upload ", state.id, " writer ", state.writer, " offset ", offset, "\n");
 }
@@ -84,7 +84,7 @@ absl::StatusOr<std::unique_ptr<SqlUploads>> SqlUploads::Make(SqlDatabase* databa
 }
 
 absl::Status SqlUploads::Open(const std::function<bool(const BlobId& id)>&) {
-  return absl::OkStatus();  // other servers may be using them; complete uploads without a blob are found on use
+  return absl::OkStatus();  // keeps all uploads: other servers may use them, and Use() finds those without a blob
 }
 
 absl::StatusOr<absl::Time> SqlUploads::Now(SqlConnection& sql) const {
@@ -98,7 +98,7 @@ absl::StatusOr<absl::Time> SqlUploads::Now(SqlConnection& sql) const {
 absl::StatusOr<UploadPlace::Added> SqlUploads::Add(UploadState fresh, const Admit& admit) {
   Added added;
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
-    // One at a time, so that two do not both take the last room.
+    // Uploads are added one at a time, so that two of them do not both take the last room.
     PLANISH_RETURN_IF_ERROR(sql.Serialize({"uploads"}));
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run(kUploadColumns, {}));
     const std::vector<UploadState> others = StatesOf(rows);
@@ -174,7 +174,7 @@ absl::StatusOr<bool> SqlUploads::Change(const std::string& id, const ChangeState
               state.last_writer, std::string_view(id)})
         .status();
   };
-  // Lost progress of an upload is sent again; a piece that completes one is not.
+  // If a loss of power undoes the change, the client sends the lost bytes again, unless they completed the upload.
   const bool may_complete = piece != nullptr;
   PLANISH_RETURN_IF_ERROR(Transact(database_, may_complete ? Durability::kNow : Durability::kLater, body));
   RemoveBlobs(state.tenant, dropped);
@@ -212,7 +212,7 @@ absl::StatusOr<std::vector<UploadPiece>> SqlUploads::PiecesOf(SqlConnection& sql
   return pieces;
 }
 
-// Nothing refers to these blobs, and they are never put again. Any that cannot be removed now are collected later.
+// Nothing refers to these blobs, and they are never put again. Those that cannot be removed now are collected later.
 void SqlUploads::RemoveBlobs(const std::string& tenant, const std::vector<UploadPiece>& pieces) {
   for (const UploadPiece& piece : pieces) {
     blobs_->Remove(PartOf(tenant, piece), absl::ZeroDuration()).IgnoreError();

@@ -23,7 +23,7 @@ void Statement::Finalizer::operator()(sqlite3_stmt* statement) const {
   sqlite3_finalize(statement);
 }
 
-// Binding fails only without memory. Step() reports that, as the parameter stays null.
+// Binding fails only if there is no memory. The parameter then stays null, and Step() reports an error.
 Statement& Statement::Bind(std::int64_t value) {
   sqlite3_bind_int64(statement_.get(), ++bound_, value);
   return *this;

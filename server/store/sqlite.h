@@ -49,7 +49,7 @@ class Statement {
   int bound_ = 0;
 };
 
-// One connection. Not thread-safe.
+// A connection to a database. Not thread-safe.
 class Database {
  public:
   // Creates `path` if needed; ":memory:" lives as long as the object.

@@ -26,15 +26,15 @@ namespace {
 constexpr std::int64_t kVersion = 1;
 
 // FULL: a commit syncs the log before it returns, so that what callers were told survives a loss of power. Writes that
-// may be lost and are then repeated (deletions) run with NORMAL: see Begin().
+// are simply repeated if they were lost, such as deletions, run with NORMAL: see Begin().
 //
 // auto_vacuum: for GiveBackPages(); takes effect only in a new file.
 constexpr char kPragmas[] =
     "PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; "
     "PRAGMA busy_timeout = 10000";
 
-// Pages of the log that are collected before they are copied into the database, which takes two more syncs. On a small
-// disk fewer: a 64th of it.
+// The number of pages at which the log is copied into the database, which takes two more syncs. At most a 64th of the
+// disk.
 std::int64_t LogPages(const std::string& path) {
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(path, error);
@@ -42,7 +42,7 @@ std::int64_t LogPages(const std::string& path) {
   return static_cast<std::int64_t>(std::clamp<std::uintmax_t>(pages, 16, 4000));
 }
 
-// Free pages that a database keeps, and those that it returns to the file system at once.
+// A database keeps kMostFreePages free pages. kGiveBackPages returns 256 others to the file system.
 constexpr std::int64_t kMostFreePages = 1024;
 constexpr char kGiveBackPages[] = "PRAGMA incremental_vacuum(256)";
 
@@ -62,7 +62,7 @@ std::string SqliteWord(std::string_view word) {
   if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
   if (word == "now" || word == "elapsed") return "0";
-  return "";  // a writer has the database for itself
+  return "";  // {lock} and {skip}: a writer has the database for itself
 }
 
 class SqliteConnection : public SqlConnection {
@@ -132,7 +132,7 @@ class SqliteConnection : public SqlConnection {
   }
 
  private:
-  // Call after deletions. After an error the free pages are reused later.
+  // Returns free pages to the file system. Call it after deletions. After an error the pages are reused later.
   void GiveBackPages() {
     const absl::StatusOr<SqlRows> free = Run("PRAGMA freelist_count", {});
     if (!free.ok() || free->Int(0, 0) <= kMostFreePages || !Run(kGiveBackPages, {}).ok()) return;
@@ -144,7 +144,7 @@ class SqliteConnection : public SqlConnection {
   Database database_;
   const bool has_file_;
   std::unordered_map<std::string, Statement> statements_;
-  Durability durability_ = Durability::kNow;  // of the current setting
+  Durability durability_ = Durability::kNow;  // the durability that is set now
 };
 
 absl::StatusOr<std::int64_t> SchemaVersion(SqliteConnection* connection) {
@@ -191,7 +191,7 @@ class FairMutex {
 };
 
 // A pool of connections: SQLite allows one writer at a time, and readers need not wait for it. A database in memory has
-// one connection, as others could not see it.
+// one connection, since other connections could not see it.
 class SqliteDatabase : public SqlDatabase {
  public:
   static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path,
@@ -229,7 +229,8 @@ class SqliteDatabase : public SqlDatabase {
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
   bool is_shared() const override { return false; }
-  // First shortens the log, which has many versions of few pages. Copying them to their places may need a little room.
+  // First shortens the log, which has many versions of few pages. If that fails, because it needs a little room itself,
+  // gives up the reserve and tries again.
   bool GiveUpReserve() override {
     if (give_up_reserve_ == nullptr) return false;
     if (ShortenLog()) return true;
@@ -246,7 +247,7 @@ class SqliteDatabase : public SqlDatabase {
   };
   static constexpr std::size_t kReaders = 3;
 
-  // Returns whether that freed room.
+  // Copies the log into the database and truncates it. Returns whether that freed room.
   bool ShortenLog() {
     const std::lock_guard lock(writer_.mutex);
     const std::int64_t before = LogBytes();
@@ -264,7 +265,7 @@ class SqliteDatabase : public SqlDatabase {
   std::string id_;
   std::function<bool()> give_up_reserve_;
   Place writer_;
-  std::array<Place, kReaders> readers_;  // null for a database in memory
+  std::array<Place, kReaders> readers_;  // without connections for a database in memory
   std::atomic<std::size_t> next_reader_ = 0;
 };
 
@@ -272,7 +273,7 @@ class SqliteDatabase : public SqlDatabase {
 
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path,
                                                                 std::function<bool()> give_up_reserve) {
-  // Opening writes, too: it completes what the last process left undone.
+  // Opening a database may write, too: it completes what the last process left undone.
   for (;;) {
     absl::StatusOr<std::unique_ptr<SqlDatabase>> database = SqliteDatabase::Open(path, give_up_reserve);
     if (database.ok() || ErrorInfoOf(database.status()).reason != "STORAGE_FULL") return database;

@@ -20,7 +20,7 @@ class Listeners {
  public:
   using Listener = std::function<void(const Message&)>;
 
-  // Dropping the subscription waits for a running call.
+  // Adds a function. Dropping the returned subscription waits for a running call.
   [[nodiscard]] std::shared_ptr<void> Add(Listener listener) {
     auto entry = std::make_shared<Entry>();
     entry->listener = std::move(listener);

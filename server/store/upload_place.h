@@ -41,15 +41,16 @@ struct UploadPiece {
 // they list: of BlobStore and of SqlConnection.
 class UploadPlace {
  public:
-  // Decides what an upload becomes at `now`, by the clock of the place. After an error the upload is unchanged. May be
-  // called more than once; must not call the place.
+  // Changes the state of an upload. `now` is by the clock of the place. After an error the upload is unchanged. May be
+  // called more than once for one change; must not call the place.
   using ChangeState = std::function<absl::Status(UploadState* state, absl::Time now)>;
-  // Whether there is room for another upload beside `others`.
+  // OK if there is room for another upload beside `others`; otherwise the error that Add() returns.
   using Admit = std::function<absl::Status(const std::vector<UploadState>& others)>;
 
   virtual ~UploadPlace() = default;
 
-  // Finds what an earlier process left. Call first. Complete uploads are kept if `has_blob` is true for their blobs.
+  // Finds the uploads that an earlier process left. Call it before all other functions. Complete uploads are kept if
+  // `has_blob` is true for their blobs.
   virtual absl::Status Open(const std::function<bool(const BlobId& id)>& has_blob) = 0;
 
   // Whether only this process uses the place, so that UploadState::appending is reliable.
@@ -68,8 +69,8 @@ class UploadPlace {
   virtual absl::StatusOr<bool> Uses(const BlobId& id) = 0;
 
   // Changes the upload; no other change runs meanwhile. Returns whether the upload exists. `piece`, unless null, counts
-  // from now on. A change to complete is durable when the function returns. If committed_bytes decreases, the bytes
-  // from there on are dropped.
+  // from now on. If the upload becomes complete, that is durable when the function returns. If committed_bytes
+  // decreases, the bytes from there on are dropped.
   virtual absl::StatusOr<bool> Change(const std::string& id, const ChangeState& change,
                                       const UploadPiece* piece = nullptr) = 0;
 
@@ -82,9 +83,9 @@ class UploadPlace {
   virtual absl::StatusOr<UploadPiece> Write(const UploadState& state, std::string_view data) = 0;
   // Undoes the last Write().
   virtual absl::Status Undo(const UploadState& state, const UploadPiece& piece) = 0;
-  // With the last piece written: makes the bytes a blob that survives the process and a loss of power, and the upload
-  // complete after a restart. INVALID_ARGUMENT with DIGEST_MISMATCH; OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH
-  // ("committed_bytes") if bytes from there on were lost and must be sent again.
+  // Call it when the last piece was written: makes the bytes a blob that survives the process and a loss of power, and
+  // the upload complete after a restart. INVALID_ARGUMENT with DIGEST_MISMATCH; OUT_OF_RANGE with
+  // UPLOAD_OFFSET_MISMATCH if the bytes from "committed_bytes" on were lost and must be sent again.
   virtual absl::Status Finish(const UploadState& state, const UploadPiece& piece, BlobCatalog* blobs) = 0;
 };
 

@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-// For RecentAccounts.
+// RecentAccounts keeps accounts for kRecent, if at least kLongQueue pieces of work wait.
 constexpr std::int64_t kLongQueue = 1000;
 constexpr std::chrono::milliseconds kRecent(100);
 

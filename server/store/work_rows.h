@@ -33,8 +33,8 @@ absl::Status DeleteWork(SqlConnection* sql, const std::string& name);
 RowBatch WorkUpdates();
 void UpdateWork(const WorkRow& work, RowBatch* updates);
 
-// What a transaction adds to accounts. It is written last: a transaction that has locked rows of tenants takes no other
-// locks, which prevents deadlocks.
+// The changes of a transaction to the accounts. They are written last: a transaction that has locked rows of tenants
+// takes no other locks, which prevents deadlocks.
 class AccountChanges {
  public:
   TenantAccount& of(const std::string& tenant) { return changes_[tenant]; }
@@ -59,9 +59,9 @@ const std::string& OwnAccountSql();
 // most decisions. Thread-safe.
 class RecentAccounts {
  public:
-  // Accounts just read.
+  // Remembers accounts that were just read.
   void Put(const FairAccounts& accounts);
-  // Empty if they are older than 0.1 s, or if fewer than 1,000 pieces of work were waiting.
+  // The remembered accounts; nullopt if they are older than 0.1 s, or if fewer than 1,000 pieces of work were waiting.
   std::optional<FairAccounts> Get() const;
 
  private:
@@ -72,7 +72,7 @@ class RecentAccounts {
   bool is_long_ = false;  // whether the queue was long
 };
 
-// Clears received time if there is no work at all.
+// Sets the received time of all tenants to 0 if no work waits or runs.
 absl::Status BeginAnew(SqlConnection* sql);
 
 }  // namespace planish

@@ -47,7 +47,7 @@ constexpr int kExitCode = 42;
   while (true) count.fetch_add(1, std::memory_order_relaxed);
 }
 
-// Never writes to the memory, so that without a limit addresses run out before memory does.
+// Allocates memory without writing to it, so that without a limit addresses run out before memory does.
 void ExhaustMemory() {
   constexpr std::size_t kBlock = std::size_t{16} << 20;
   std::vector<std::unique_ptr<char[]>> blocks;

@@ -33,7 +33,7 @@ struct Failpoint {
   static absl::StatusOr<Failpoint> Parse(std::string_view text);
 };
 
-// What actions call in the worker.
+// Functions of the worker that the actions "garbage" and "mute" call.
 struct FailpointHooks {
   std::function<void()> send_garbage;
   std::function<void()> close_link;
@@ -42,8 +42,9 @@ struct FailpointHooks {
 // Performs the action of `failpoint` if `point` is its point. Returns the status that the job must end with, or OK.
 absl::Status ReachPoint(const Failpoint& failpoint, std::string_view point, const FailpointHooks& hooks);
 
-// Tries to open a file and a socket, to start a program and a process, and to signal and trace others. INTERNAL
-// with reason PROBE and for each as metadata the errno's name, or "allowed"; some limits beside them.
+// Tries to open a file and a socket, to start a program and a process, and to signal and trace others. Returns INTERNAL
+// with reason PROBE; its metadata have, for each attempt, "allowed" or the errno's name, and some limits of the
+// process.
 absl::Status Probe();
 
 }  // namespace planish

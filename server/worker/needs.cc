@@ -12,12 +12,12 @@
 namespace planish {
 namespace {
 
-// If a file does not tell its number of triangles: the fewest bytes that Draco uses for one, which bounds the number in
-// a file that is not malicious.
+// The fewest bytes that Draco uses for a triangle. If a file does not tell its number of triangles, this bounds the
+// number, unless the file is malicious.
 constexpr std::int64_t kLeastBytesPerTriangle = 1;
 
 // More than any encoder produces: Draco writes a million triangles in a single point in 311 bytes, and a plane grid of
-// as many with coordinates of one bit in 912.
+// a million triangles with coordinates of one bit in 912 bytes.
 constexpr std::int64_t kMostTrianglesPerByte = 4096;
 
 }  // namespace

@@ -15,9 +15,9 @@ struct WorkNeeds {
   double run_seconds = 0;         // on one idle core, roughly
 };
 
-// `draco`: at least the first bytes of a file of `mesh_bytes` bytes; may be empty. `size`: the counts to use if `draco`
-// does not tell them. Numbers below 0 count as 0. Decodes nothing. INVALID_ARGUMENT with MESH_DECODE_FAILED,
-// OPTIONS_INVALID.
+// Estimates the needs without decoding the mesh. `draco`: at least the first bytes of a file of `mesh_bytes` bytes; may
+// be empty. `size`: the counts to use if `draco` does not tell them. Numbers below 0 count as 0. INVALID_ARGUMENT with
+// MESH_DECODE_FAILED or OPTIONS_INVALID.
 absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                                         const v1::UnwrapOptions& options);
 

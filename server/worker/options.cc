@@ -15,7 +15,7 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;
 
-// OPTIONS_INVALID for a number out of the range that the proto gives at the field. The core checks what concerns
+// OPTIONS_INVALID for a number out of the range that the proto gives at the field. The core checks conditions on
 // several options.
 absl::Status CheckRange(const v1::UnwrapOptions& options, const FieldDescriptor& field) {
   const Reflection& reflection = *options.GetReflection();
@@ -37,7 +37,7 @@ absl::Status CheckRanges(const v1::UnwrapOptions& options) {
   return absl::OkStatus();
 }
 
-// An unset field leaves the core's default.
+// A value of an option, in the API and in the core.
 template <typename Proto, typename Core>
 struct Choice {
   Proto proto;
@@ -100,7 +100,7 @@ constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
     {v1::PRECISION_DOUBLE, Precision::kDouble},
 };
 
-// Leaves `core` alone where the value is unspecified.
+// Sets *core to the value that corresponds to `proto`; leaves the core's default if `proto` is unspecified.
 template <typename Proto, typename Core, std::size_t size>
 absl::Status Choose(const std::string& field, const Choice<Proto, Core> (&choices)[size], Proto proto, Core* core) {
   if (static_cast<int>(proto) == 0) return absl::OkStatus();

@@ -11,23 +11,23 @@
 
 namespace planish {
 
-// INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator that this server does not know, a number
-// out of range, or choices that cannot be combined.
+// Converts the options. INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator that this server
+// does not know, a number out of range, or choices that cannot be combined.
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options);
 
-// ToCore() without the result.
+// The status of ToCore().
 absl::Status ValidateOptions(const v1::UnwrapOptions& options);
 
-// Every policy but UNSPECIFIED.
+// All seam policies except UNSPECIFIED.
 std::vector<v1::Seams> SeamPolicies();
 
-// Every concrete choice that ValidateOptions() accepts.
+// All combinations of solver options, without UNSPECIFIED, that ValidateOptions() accepts.
 std::vector<v1::SolverCombination> SolverCombinations();
 
 // The options of the atlas in effect, with defaults filled in.
 v1::Atlas AtlasInEffect(const UnwrapOptions& options, const UnwrapResult& result);
 
-// For reports; never UNSPECIFIED.
+// Values for reports, which are never UNSPECIFIED.
 v1::Solver ToProto(SolverType type);
 v1::System ToProto(SystemType type);
 v1::Preconditioner ToProto(PreconditionerType type);

@@ -16,7 +16,7 @@
 namespace planish {
 namespace {
 
-// Memory of a thread beside its work: its stack, and what the allocator keeps for it.
+// Memory that a thread takes in addition to its work: its stack, and memory that the allocator keeps for it.
 constexpr std::int64_t kPerThread = std::int64_t{9} << 20;
 
 // Free memory of up to this size is not worth returning to the kernel. glibc keeps up to a page or two more than
@@ -35,7 +35,7 @@ struct Statm {
   std::int64_t data = 0;      // bytes: heap, stacks and other private memory
 };
 
-// All zeros if there is no /proc.
+// Reads /proc/self/statm. All zeros if there is no /proc.
 Statm ReadStatm() {
   char text[256] = {};
   if (files.statm < 0 || pread(files.statm, text, sizeof(text) - 1, 0) <= 0) return {};
@@ -101,7 +101,7 @@ MemoryLimit::MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads)
     SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
     SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
   }
-  // Huge pages for half of it; the rest is memory outside this thread's heap.
+  // Asks for huge pages for half of the memory to keep; the rest is used outside this thread's heap.
   ReserveHeap(static_cast<std::size_t>(keep / 2));
 }
 

@@ -95,7 +95,7 @@ std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) 
 std::vector<float> LargestResiduals(const std::vector<ChartReport>& charts) {
   std::size_t most = 0;
   for (const ChartReport& chart : charts) most = std::max(most, chart.flatten->residuals.size());
-  std::vector<float> largest(most), ended(most);  // ended: of charts whose last residual stands before that step
+  std::vector<float> largest(most), ended(most);  // ended[i]: the largest last residual of charts that ended there
   for (const ChartReport& chart : charts) {
     const std::vector<float>& residuals = chart.flatten->residuals;
     for (std::size_t i = 0; i < residuals.size(); ++i) largest[i] = std::max(largest[i], residuals[i]);

@@ -21,8 +21,8 @@ namespace {
 
 constexpr rlim_t kDescriptors = 64;
 
-// System calls that the meshes of the tests make (as strace shows), and those of glibc's allocator, threads, qsort()
-// and abort().
+// System calls that workers make for the meshes of the tests (as strace shows), and those of glibc's allocator,
+// threads, qsort() and abort().
 constexpr int kAllowed[] = {
     // The link, and blobs.
     SCMP_SYS(read),
@@ -59,7 +59,7 @@ constexpr int kAllowed[] = {
     SCMP_SYS(exit),
     SCMP_SYS(exit_group),
     SCMP_SYS(restart_syscall),
-    // Signals of its own.
+    // Handling of the process's own signals.
     SCMP_SYS(rt_sigaction),
     SCMP_SYS(rt_sigprocmask),
     SCMP_SYS(rt_sigreturn),
@@ -116,7 +116,7 @@ absl::Status EnterSandbox() {
   if (filter == nullptr) return absl::UnavailableError("no filter for this kind of processor");
   int error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_TSYNC, 1);
   if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
-  if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_OPTIMIZE, 2);  // a tree, not a list
+  if (error == 0) error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_OPTIMIZE, 2);  // as a tree
   if (error == 0) error = AddRules(filter.get());
   if (error == 0) error = seccomp_load(filter.get());
   if (error == 0) return absl::OkStatus();
@@ -131,7 +131,8 @@ void ConfineProcess() {
   // A blob that is too large should cause an error, not a signal.
   signal(SIGXFSZ, SIG_IGN);
   signal(SIGPIPE, SIG_IGN);
-  // Every process may raise its own score. Without /proc the kernel chooses by size alone.
+  // If memory runs out, the kernel kills the process with the highest score. Every process may raise its own. Without
+  // /proc the kernel chooses by size alone.
   const int score = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
   if (score >= 0) {
     [[maybe_unused]] const ssize_t written = write(score, "500", 3);

@@ -29,9 +29,9 @@ class ProgressThrottle {
 
 // Interrupters and callbacks of one job.
 struct WorkControl {
-  const Interrupter* cancel = nullptr;  // end without a result
-  const Interrupter* stop = nullptr;    // end soon, with the best map so far
-  // Called on the working thread, throttled.
+  const Interrupter* cancel = nullptr;  // ends the job without a result
+  const Interrupter* stop = nullptr;    // ends the job soon, with the best map so far
+  // Called with progress that passes the ProgressThrottle, on the working thread.
   std::function<void(const v1::Progress&)> on_progress;
   // Called at the points of server/worker/failpoints.h; a status other than OK ends the job.
   std::function<absl::Status(std::string_view point)> at_point;
@@ -39,7 +39,7 @@ struct WorkControl {
 
 struct WorkOutcome {
   worker::v1::WorkResult result;
-  BlobPtr uv;  // the UV bytes; null unless it succeeded
+  BlobPtr uv;  // the UV bytes; null unless the work succeeded
 };
 
 // The error of a job whose worker ran out of memory: RESOURCE_EXHAUSTED with OUT_OF_MEMORY.

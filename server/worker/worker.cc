@@ -58,7 +58,7 @@ class Orders {
         changed_.notify_all();
         continue;
       }
-      // Refers to the job that was sent last, unless it has ended.
+      // A cancel or stop is for the job that was sent last; no effect if that has ended.
       Order* const order = next_ != nullptr ? next_.get() : present_.get();
       if (order == nullptr) continue;
       if (received->message.has_cancel()) order->cancel.Interrupt();

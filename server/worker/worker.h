@@ -9,11 +9,11 @@
 namespace planish {
 
 struct WorkerSettings {
-  // The process does only this, so it enforces WorkRequest.memory_bytes and reports its memory.
+  // The process only serves jobs, so the worker enforces WorkRequest.memory_bytes and reports the process's memory.
   bool owns_process = false;
   bool failpoints = false;             // WorkRequest.failpoint is obeyed
-  std::function<void()> send_garbage;  // for the failpoint of that name
-  worker::v1::WorkerIdle idle;         // the message it sends when idle; its memory is filled in
+  std::function<void()> send_garbage;  // for the failpoint "garbage"
+  worker::v1::WorkerIdle idle;         // the message that it sends when it is idle; ServeJobs() sets held_bytes
 };
 
 // Serves jobs over `server`, one after the other, until the link closes: says that it is idle, waits for a WorkRequest,

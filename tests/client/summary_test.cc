@@ -165,7 +165,7 @@ TEST(SummaryTest, ManyChartsMakeNoLongerText) {
             "planish: not usable: 12 of 5,000 charts (100, 200, 300 and 9 more) did not converge; it was written all "
             "the same, for you to look at\n");
   report.atlas.pack = false;
-  EXPECT_THAT(Summary(report, {}, Terminal()), HasSubstr("Not packed: charts lie one over the other"));
+  EXPECT_THAT(Summary(report, {}, Terminal()), HasSubstr("Not packed: the charts lie on top of each other"));
 }
 
 TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {

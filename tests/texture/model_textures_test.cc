@@ -383,6 +383,20 @@ TEST(GltfTextures, WhatStandsInTheWayIsNamedBeforeThereIsAMap) {
   EXPECT_EQ(ErrorInfoOf(CheckOf(sheet.File(), {})).reason, "FILE_MALFORMED");
 }
 
+TEST(GltfTextures, AMaterialThatLiesInTwoTilesIsRefused) {
+  const MeshFile file = Sheet(2, {SmoothTexture(64, 64, 0.1, 1)}, kColored).File();
+  OutputOptions options;
+  options.path = TemporaryPath("out.glb");
+  options.format = MeshFormat::kGlb;
+  options.textures.mode = TextureMode::kTransfer;
+  // More of it lies in the first tile, in the second, and all in the second.
+  for (const auto& [shift, reason] : {std::pair(0.3, "OPTIONS_INVALID"), {0.7, "OPTIONS_INVALID"}, {1.0, ""}}) {
+    std::vector<double> uv = Turned(file.mesh, 2, 0, 0.6);
+    for (std::size_t c = 0; c < uv.size(); c += 2) uv[c] += shift;
+    EXPECT_EQ(ErrorInfoOf(WriteMeshWithUv(file, uv, options).status()).reason, reason) << shift;
+  }
+}
+
 TEST(GltfTextures, MemoryBeyondTheLimitIsRefused) {
   const MeshFile file = Sheet(2, {SmoothTexture(64, 64, 0.1, 1)}, kColored).File();
   OutputOptions options;

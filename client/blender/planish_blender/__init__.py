@@ -3,7 +3,7 @@
 bl_info = {
     "name": "planish",
     "author": "The planish authors",
-    "version": (0, 0, 0),  # the build puts the project's here
+    "version": (0, 0, 0),  # the build puts the project's version here
     "blender": (3, 4, 0),
     "location": "UV > Unwrap with planish; Object > Unwrap with planish",
     "description": "Unwraps meshes by Angle Based Flattening, without flipped or overlapping faces",

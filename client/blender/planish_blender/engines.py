@@ -18,7 +18,7 @@ import numpy as np
 
 #: Maximal number of unwraps that run at the same time.
 MOST_AT_A_TIME = 4
-#: In the order of a job.
+#: The stages of a job, in their order.
 STAGES = ("decode", "charts", "solve", "layout", "pack", "verify", "encode")
 
 
@@ -237,7 +237,7 @@ class _PackageCall:
         return self._call.wait(seconds)
 
     def cancel(self):
-        """Returns at once; the call ends soon."""
+        """Cancels the job. Returns at once; the call ends soon after."""
         threading.Thread(target=self._cancel, daemon=True).start()
 
     def _cancel(self):
@@ -388,7 +388,7 @@ class _CommandCall:
             metadata = error.get("metadata") or {}
             message = error.get("message") or self._last_line or f"planish ended with {self._process.returncode} and said nothing"
             polygons, edges, vertices = _elements(metadata)
-            faces = np.searchsorted(self.sheet.polygon, polygons).tolist()  # the first triangle of each
+            faces = np.searchsorted(self.sheet.polygon, polygons).tolist()  # the first triangle of each polygon
             raise Failed(message, error.get("reason", ""), faces, edges, vertices)
         return Outcome(
             uv=_read_loop_uv(self._path("uv.obj"), len(self.sheet.loop_vertex))[self.sheet.loops],
@@ -439,10 +439,10 @@ def _check_positions(sheet):
 class Batch:
     """Unwraps of several sheets, a few at a time."""
 
-    start: Any  # of engine()
+    start: Any  # the function that engine() returned
     sheets: list
     options: Options
-    outcomes: list = field(default_factory=list)  # (sheet, Outcome or Failed), in the order of their ends
+    outcomes: list = field(default_factory=list)  # (sheet, Outcome or Failed), in the order in which they ended
     cancelled: bool = False
 
     def __post_init__(self):

@@ -29,7 +29,7 @@ class Part:
     polygon: Any  # (F,) polygons of the mesh, ascending
     loop_vertex: Any  # (L,) vertex of each loop
     loop_total: Any  # (P,) loops of each polygon, which are consecutive
-    seam_corners: Any  # that face an edge which the user wants to cut
+    seam_corners: Any  # corners that face an edge which the user wants to cut
     loop_count: int
 
 
@@ -97,7 +97,7 @@ def _scaled(object, positions):
 
 
 def _local_origin(positions):
-    """What to subtract from doubles before they are rounded to float32: the rule of core/mesh/local_origin.h."""
+    """The point to subtract from doubles before they are rounded to float32: the rule of core/mesh/local_origin.h."""
     origin = np.zeros(3)
     finite = np.where(np.isfinite(positions), positions, np.nan)
     if len(positions) == 0 or np.isnan(finite).all(axis=0).any():
@@ -177,8 +177,8 @@ class Sheet:
         return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
     def write(self, uv):
-        """Puts UV, (F, 3, 2), into the active layers. Skips objects that were changed meanwhile and returns their
-        names; with them the number of polygons whose corners would need several UV each."""
+        """Puts UV, (F, 3, 2), into the active layers. Skips objects that were changed meanwhile. Returns their names,
+        and the number of polygons with a corner that would need several UV."""
         changed, torn = [], 0
         for part, begin, end in zip(self.parts, self._first_face, self._first_face[1:]):
             of_loop = np.zeros((part.loop_count, 2), np.float32)

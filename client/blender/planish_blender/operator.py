@@ -167,7 +167,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)
 
-    # Shared by both
+    # Shared by execute() and modal()
 
     def _begin(self, context):
         try:

@@ -1,8 +1,8 @@
 // For operators of a planish server: statistics, configuration, and draining.
 //
 //   planish::AdminClient admin("farm:7741");
-// the server is not ready, and takes no new jobs
-// its jobs continue
+//   admin.Drain();                                                        // the server accepts no new jobs
+//   while (!admin.GetStats().IsIdle()) std::this_thread::sleep_for(1s);   // its accepted jobs go on
 #pragma once
 
 #include <chrono>
@@ -29,9 +29,9 @@ struct ServerStats {
   int workers_ready = 0;  // idle or with a job
   int queued = 0;         // waiting jobs
   int running = 0;        // running jobs, including those being stopped
-  // Memory reserved by running jobs, and the limit of that.
+  // Memory reserved by running jobs, and the limit of all reservations together.
   std::int64_t reserved_memory_bytes = 0, memory_bytes = 0;
-  // Stored meshes and UV, and the limit of that.
+  // Bytes of stored meshes and UV, and the capacity of the store.
   std::int64_t stored_bytes = 0, store_bytes = 0;
   Seconds oldest_wait{0};       // of the job that has waited longest; 0 if no job waits
   std::vector<Tenant> tenants;  // by name
@@ -40,16 +40,16 @@ struct ServerStats {
 };
 
 struct ServerConfig {
-  // As a configuration file of planishd, with the source of each value as a comment.
+  // The settings in effect as a configuration file of planishd, with the source of each value as a comment.
   std::string yaml;
-  std::chrono::system_clock::time_point load_time;  // when it was last read
+  std::chrono::system_clock::time_point load_time;  // when the server last read its configuration without an error
 };
 
 // A connection to one server. Movable; all calls are thread-safe. They throw planish::Error, with RIGHT_MISSING
 // (kPermissionDenied) for callers without the right "admin". Calls are not retried; the caller may repeat them.
 class AdminClient {
  public:
-  // `target`: "host:port" or "unix:/path". Only the options of the connection are used.
+  // `target`: "host:port" or "unix:/path". Of `options`, only those about the connection, TLS and the token are used.
   explicit AdminClient(const std::string& target, const ClientOptions& options = {});
   AdminClient(AdminClient&&) = default;
   AdminClient& operator=(AdminClient&&) = default;
@@ -60,7 +60,7 @@ class AdminClient {
   // Returns at once. Until Undrain(), the server refuses new jobs (DRAINING) and reports that it is not ready.
   Result<void> Drain(std::nothrow_t);
   void Drain() { Drain(std::nothrow).value(); }
-  // SHUTTING_DOWN (kFailedPrecondition) if the server is shutting down.
+  // Undoes Drain(). Throws SHUTTING_DOWN (kFailedPrecondition) if the server is shutting down.
   Result<void> Undrain(std::nothrow_t);
   void Undrain() { Undrain(std::nothrow).value(); }
   Result<ServerStats> GetStats(std::nothrow_t);

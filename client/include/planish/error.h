@@ -12,7 +12,8 @@
 
 namespace planish::inline abi0 {
 
-// Durations: any std::chrono duration converts to it (`std::chrono::minutes(5)`), and count() is in seconds.
+// The type of all durations. Any std::chrono duration converts to it (`std::chrono::minutes(5)`); count() is in
+// seconds.
 using Seconds = std::chrono::duration<double>;
 
 // Numbered like google.rpc.Code.
@@ -59,13 +60,13 @@ class Error : public std::runtime_error {
   //   CALLBACK_FAILED        a callback threw an exception other than planish::Error (kUnknown)
   //   OUT_OF_MEMORY          in this process (kResourceExhausted)
   const std::string& reason() const { return reason_; }
-  // Details, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's order. Only this says which elements are at
-  // fault; what() counts them.
+  // Details, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's order. Only the metadata say which elements
+  // are at fault; what() has their number.
   const Metadata& metadata() const { return metadata_; }
 
   // Name of the job that failed; empty if the call was refused without a job.
   const std::string& job() const { return job_; }
-  // The id of the call's trace, 32 hex digits, as in the server's log; empty if the call failed before.
+  // The id of the call's trace, 32 hex digits, as in the server's log; empty if the call failed before it had a trace.
   const std::string& trace_id() const { return trace_id_; }
   // How long the server asks to wait before a retry; 0 if it does not say.
   Seconds retry_after() const { return retry_after_; }
@@ -76,7 +77,8 @@ class Error : public std::runtime_error {
   Error& set_retry_after(Seconds pause) { return Set(&Error::retry_after_, pause); }
   Error& set_cause(std::exception_ptr cause) { return Set(&Error::cause_, std::move(cause)); }
 
-  // Throws this error or, if it stands for another exception (CALLBACK_FAILED, OUT_OF_MEMORY), that one.
+  // Throws this error. If this error stands for another exception (CALLBACK_FAILED, OUT_OF_MEMORY), throws that
+  // exception instead.
   [[noreturn]] void Throw() const;
 
  private:
@@ -106,7 +108,7 @@ class [[nodiscard]] Result {
 
   bool ok() const { return result_.index() == 0; }
   explicit operator bool() const { return ok(); }
-  // Requires ok(). Otherwise ends a program without exceptions, and throws std::bad_variant_access elsewhere.
+  // Requires ok(). Otherwise throws std::bad_variant_access; a program built without exceptions ends.
   Value& operator*() { return std::get<0>(result_); }
   const Value& operator*() const { return std::get<0>(result_); }
   Value* operator->() { return &**this; }

@@ -36,25 +36,26 @@ class MeshView {
   MeshView(Positions positions, std::span<const std::int32_t> triangles) : MeshView(positions, Unsigned(triangles)) {}
 
   // The same mesh with given seams: edges at which charts end, in addition to hard edges
-  // (UnwrapOptions::hard_edge_degrees); UnwrapOptions::seams decides about further seams. Two vertex ids per edge, in
-  // any order. A pair that is not an edge of any triangle is refused (OPTIONS_INVALID, metadata "edges").
+  // (UnwrapOptions::hard_edge_degrees). UnwrapOptions::seams says whether further seams are added. Two vertex ids per
+  // edge, in any order. A pair that is not an edge of any triangle is refused (OPTIONS_INVALID, metadata "edges").
   MeshView WithSeams(std::span<const std::uint32_t> pairs) const { return With(&MeshView::seam_vertices_, pairs); }
   MeshView WithSeams(std::span<const std::int32_t> pairs) const { return WithSeams(Unsigned(pairs)); }
   // Seams by corners: number 3 t + k is the edge that corner k of triangle t faces, between its other two corners. May
   // be combined with WithSeams.
   MeshView WithSeamCorners(std::span<const std::int32_t> c) const { return With(&MeshView::seam_corners_, c); }
-  // Edges, as corners in the same way, along which no seam is added. Charts still end at given seams.
+  // Edges along which no seam is added, given as corners in the same way. Charts still end at given seams.
   MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
-  // The polygon that each triangle comes from: a number per triangle, below triangle_count(). A polygon is never cut,
-  // so that each of its corners has one UV: no seam follows an edge between two of its triangles that run along it in
-  // opposite directions, whatever other triangles share that edge.
+  // The polygon that each triangle is a part of: a number per triangle, below triangle_count(). A polygon is not cut,
+  // so each of its corners has one UV: no seam follows an edge between two of its triangles that run along the edge in
+  // opposite directions, even if further triangles have that edge.
   MeshView WithFacePolygons(std::span<const std::int32_t> p) const { return With(&MeshView::face_polygon_, p); }
-  // The atlas of each triangle: a number per triangle, from 0 on. Charts end where it changes.
-  // UnwrapOptions::atlas_layout says where atlases go; Atlas::atlases reports on each.
+  // The atlas of each triangle: a number per triangle, from 0 on. Charts end between triangles of different atlases.
+  // UnwrapOptions::atlas_layout says where atlases go; Atlas::atlases describes each.
   MeshView WithFaceAtlas(std::span<const std::int32_t> atlas) const { return With(&MeshView::face_atlas_, atlas); }
-  // Factor on the texel density (texels per length): a number per triangle, in [0.01, 100]. Charts end where it
-  // changes; with Seams::kKeep they do not, and get the mean of their triangles by area.
+  // The factor of each triangle's texel density (texels per length): a number per triangle, in [0.01, 100]. Charts end
+  // between triangles of different weights. With Seams::kKeep they do not: a chart gets the mean weight of its
+  // triangles by area.
   MeshView WithFaceWeights(std::span<const float> weights) const { return With(&MeshView::face_weights_, weights); }
 
   std::int64_t vertex_count() const {
@@ -64,7 +65,8 @@ class MeshView {
 
  private:
   friend struct PackedMesh;
-  // Signed and unsigned variants of one type may alias. Negative ids wrap, and are refused as out of range.
+  // The cast is allowed: signed and unsigned variants of one type may alias. Negative ids become large ones, which are
+  // refused as out of range.
   static std::span<const std::uint32_t> Unsigned(std::span<const std::int32_t> ids) {
     return {reinterpret_cast<const std::uint32_t*>(ids.data()), ids.size()};
   }
@@ -101,14 +103,15 @@ enum class Stage {
 };
 enum class Seams {
   kNone,    // no edge is cut: the mesh must be a topological disc
-  kKeep,    // the given seams; pieces with holes are slit if they have no other map (SEAMS_ADDED), closed ones refused
-  kNeeded,  // the given seams, and more only where a piece is not a disc or has no map that keeps its borders
+  kKeep,    // only the given seams; a piece with holes is slit if it cannot be mapped otherwise (SEAMS_ADDED), a closed
+            // piece or one with handles is refused
+  kNeeded,  // the given seams, and more only where a piece is not a disc or cannot be mapped without a further cut
             // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
 };
 enum class Prefer {
   kSeams,    // few, short and hidden seams
-  kTexture,  // charts that pack well: more of them, cut at arms and necks, and less stretch
+  kTexture,  // more charts, which pack better and stretch less; arms and necks are cut off
 };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
@@ -118,13 +121,13 @@ enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
 enum class Priority { kLow, kNormal, kHigh };
 enum class AtlasLayout {
-  kUdim,     // each atlas has its own UDIM tiles, all have one texel density
-  kStacked,  // all have the same tiles, as separate textures, each as large as fits
+  kUdim,     // each atlas has its own UDIM tiles; all atlases have the same texel density
+  kStacked,  // all atlases use the same tiles, each for textures of its own, and each is scaled to fill its tiles
 };
 enum class Effort {
   kFast,    // packing takes about a quarter of the rest of the unwrap
-  kNormal,  // about a quarter of the rest, plus 0.15 ms a chart
-  kBest,    // with more charts: fifty times the rest, at least a minute
+  kNormal,  // about a quarter of the rest, plus 0.15 ms for each chart
+  kBest,    // also makes more charts; 50 times the rest, or a minute if that is longer (2 s a chart if they are few)
 };
 
 template <typename Enum>
@@ -161,7 +164,7 @@ inline bool IsTerminal(JobState state) {
   return state >= JobState::kSucceeded && state <= JobState::kExpired;
 }
 
-// How Newton's method solves for the angles of a chart. These options change the cost, hardly the map.
+// How Newton's method solves for the angles of a chart. These options change the run time, but hardly the map.
 struct SolverOptions {
   Solver method = Solver::kAuto;  // of the linear system of a Newton step
   System system = System::kAuto;
@@ -173,26 +176,27 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  Prefer prefer = Prefer::kSeams;  // with kAuto
+  Prefer prefer = Prefer::kSeams;  // for Seams::kAuto
   double max_stretch = 0;  // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.25, 1.05 with
                            // Prefer::kTexture
-  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
-  bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
+  double hard_edge_degrees = 0;  // edges whose faces' normals differ by more are given seams; in (0, 180], 0: none
+  bool pack = true;              // false: charts stay unpacked, at the surface's scale, on top of each other
   int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024, or what texels_per_unit needs
   double texels_per_unit = 0;    // texels per length on the surface, in (0, 1e9]; 0: as many as there is room for
-  std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
-  int tiles = 0;                 // of each atlas: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
+  std::optional<int> padding;    // free texels between charts; half as many at the edge of a tile; [0, 64]; unset: 2
+  int tiles = 0;                 // that each atlas may use: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
   AtlasLayout atlas_layout = AtlasLayout::kUdim;  // with MeshView::WithFaceAtlas
   Effort effort = Effort::kNormal;                // of packing
   Boundary boundary = Boundary::kFree;            // kConvex: the outline of the map is a convex polygon
-  Precision precision = Precision::kAuto;         // of the UV; kAuto: kFloat where floats keep the map
-  int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
+  Precision precision = Precision::kAuto;  // of the UV; kAuto: kFloat, unless rounding would flip or collapse triangles
+  int threads = 0;  // in [1, 256], and at most what the server allows; 0: as many as it allows. Does not change the UV
   SolverOptions solver;
 };
 
 // When a job runs, and for how long. Changes the result only if a limit is reached.
 struct Scheduling {
-  // A waiting job counts as 10 minutes older with kHigh, and younger with kLow; the oldest is next.
+  // The oldest waiting job of a tenant is next. With kHigh a job counts as 10 minutes older, with kLow as 10 minutes
+  // younger.
   Priority priority = Priority::kNormal;
   // Counted from acceptance: a job that has not ended by then fails with DEADLINE_EXCEEDED; 0: no limit.
   Seconds timeout{0};
@@ -201,7 +205,8 @@ struct Scheduling {
   bool fresh = false;  // compute again even if the server has the result for this mesh and these options
 };
 
-// Largest residual of each kind of constraint and of the scaled gradient, in radians (wheel: a logarithm).
+// Largest residual of each kind of constraint, and largest entry of the scaled gradient, in radians (`wheel` is a
+// logarithm).
 struct Residual {
   double triangle = 0, vertex = 0, wheel = 0, gradient = 0;
 
@@ -219,8 +224,8 @@ struct Progress {
   double energy = 0;
   double step_length = 0;     // fraction of the last Newton step taken
   Seconds elapsed{0};         // since the worker began
-  double tolerance = 0;       // largest residual that ends the solve as converged
-  double stage_fraction = 0;  // completed part of the stage, roughly; 0 in stages that do not report it
+  double tolerance = 0;       // the solve has converged when the largest residual is at most this
+  double stage_fraction = 0;  // rough fraction of the stage that is done; 0 in stages that do not report it
 };
 
 // The outcome of the boundary control of a chart.
@@ -239,43 +244,43 @@ struct ChartReport {
   Solver solver = Solver::kAuto;
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
-  std::string preconditioner_note;  // what multigrid had to do without, and why; or empty
+  std::string preconditioner_note;  // how and why multigrid was simplified; empty if it was not
   Hessian hessian = Hessian::kConvex;
   bool converged = false;
   int newton_iterations = 0;
   std::int64_t linear_iterations = 0;
   Residual residual;
   int convexified_iterations = 0;  // Newton steps in which the Hessian of a face was made positive
-  int indefinite_iterations = 0;   // Newton steps with the exact, indefinite Hessian, by MINRES whatever `solver` is
-  std::string stop_message;        // one sentence with numbers
-  double abf_energy = 0;           // as Quality::abf_energy, of the solved angles, before any rounding
-  double barrier = 0;              // above 0 if the ABF energy alone has no minimum (warning BARRIER_KEPT)
+  int indefinite_iterations = 0;   // Newton steps with an indefinite Hessian, solved by MINRES for any `solver`
+  std::string stop_message;        // why Newton's method stopped: one sentence with numbers
+  double abf_energy = 0;           // as Quality::abf_energy, but of the solved angles, before any rounding
+  double barrier = 0;              // weight of the barrier that was kept (warning BARRIER_KEPT); 0: none
   BoundaryReport boundary;
   double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart alone
-  int chart = 0;          // its number, 0-based
-  // The largest residual at the start of Newton's method and after each step; empty from older servers.
+  int chart = 0;          // number of the chart, 0-based
+  // The largest residual at the start of Newton's method and after each step. Older servers leave it empty.
   std::vector<float> newton_residuals;
 };
 
-// Over all charts.
+// Totals over all charts.
 struct ChartTotals {
   int charts = 0;
   int not_converged = 0;
   std::int64_t newton_iterations = 0, linear_iterations = 0;
   Residual residual;  // the largest of each family
   double stretch_l2_max = 1;
-  std::vector<float> newton_residuals;  // after each step, the largest of any chart
+  std::vector<float> newton_residuals;  // at the start and after each step: the largest residual of any chart
 };
 
-// One of several atlases.
+// One of the atlases, if there are several.
 struct AtlasPart {
-  int atlas = 0;  // its number (MeshView::WithFaceAtlas)
+  int atlas = 0;  // number of the atlas (MeshView::WithFaceAtlas)
   std::int64_t triangles = 0;
   int charts = 0;
   int first_tile = 0;             // 0 is UDIM 1001
   int tiles = 1;                  // from first_tile to the last one used
   double texels_per_unit = 0;     // per length on the surface, at weight 1
-  double packing_efficiency = 0;  // area of the triangles over that of the tiles
+  double packing_efficiency = 0;  // UV area of the triangles, divided by the area of the tiles
 };
 
 // The packed charts. Lengths are in texels of the requested texture.
@@ -287,12 +292,12 @@ struct Atlas {
   double texels_per_unit = 0;  // per length on the surface, at weight 1, the least of all atlases; 0 without packing
   Effort effort = Effort::kNormal;
   AtlasLayout layout = AtlasLayout::kUdim;
-  // With WithFaceAtlas: one for each atlas number, ascending, at most 1024; otherwise empty.
+  // With MeshView::WithFaceAtlas: an entry for each atlas number, ascending, at most 1024; otherwise empty.
   std::vector<AtlasPart> atlases = {};
   double padding_kept = 0;  // texels kept free between charts: `padding`, or less if there was no room
 };
 
-// Measured on the delivered UV with exact predicates.
+// What the server measured on the delivered UV; flips and overlaps are found by exact predicates.
 struct Quality {
   std::int64_t flipped = 0;
   std::int64_t degenerate = 0;
@@ -302,14 +307,14 @@ struct Quality {
   double conformal_distortion_mean = 1, conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
-  double seam_length = 0;               // of the seams on the surface, over the square root of its area
+  double seam_length = 0;               // on the surface, divided by the square root of the surface's area
   double visible_seam_length = 0;       // the same, each edge weighted by its visibility, 0 to 1
   double seam_turn_deg = 0;             // mean angle between consecutive edges of seams; 0: straight
-  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty without a mirror plane
+  std::optional<double> seam_symmetry;  // share of the seams whose mirror image is a seam; empty: no mirror plane found
 };
 
-// Wall-clock time of each stage. Upload (encode, send, accept), download and total are measured by this client, the
-// others by the server.
+// Wall-clock time of each stage. This client measures upload (encode, send, accept), download and total; the server
+// measures the other stages.
 struct StageTimes {
   Seconds upload{0}, queue{0}, decode{0}, charts{0}, solve{0}, layout{0}, pack{0}, verify{0}, encode{0}, download{0};
   Seconds total{0};
@@ -324,8 +329,8 @@ struct Warning {
 
 struct Report {
   std::int64_t triangles = 0, vertices = 0;
-  // One per chart, ascending. If there are more than 1024, those that did not converge, then those with the largest
-  // stretch.
+  // One per chart, by ascending number. If there are more than 1024 charts, only those that did not converge, and then
+  // those with the largest stretch, up to 1024.
   std::vector<ChartReport> charts;
   ChartTotals chart_totals;
   Atlas atlas;
@@ -345,7 +350,7 @@ struct Job {
   UnwrapOptions options;
   std::optional<Time> create_time, start_time, end_time;
   std::int64_t mesh_bytes = 0;
-  int queue_position = 0;            // jobs ahead while QUEUED
+  int queue_position = 0;            // while QUEUED: the number of jobs that start before it
   std::optional<Progress> progress;  // while RUNNING or STOPPING
   std::optional<Error> error;        // when FAILED; ids in the order of the mesh as sent
   std::optional<Report> report;      // when SUCCEEDED
@@ -353,18 +358,18 @@ struct Job {
   int attempts = 0;                 // how often a worker began it; above 1 after a worker or the server died
   bool stop_requested = false;      // by StopJob, or because its compute budget is used up
   bool cancel_requested = false;    // by CancelJob, or because its caller disconnected
-  std::string result_of;            // the job whose result it shares (same mesh and options); or empty
+  std::string result_of;            // the job whose work it shares (same mesh and options); empty: it has its own work
   std::int64_t memory_bytes = 0;    // reserved while it runs
   std::optional<Time> expire_time;  // when SUCCEEDED: the latest time at which its UV are dropped
-  std::string trace_id;             // of the W3C trace that created it, 32 hex digits, as in the server's log
+  std::string trace_id;             // of the W3C trace of the call that created it, 32 hex digits, as in server logs
 };
 
 // What a job would need, and how long it would wait.
 struct JobEstimate {
   std::int64_t triangles = 0, vertices = 0;
   std::int64_t memory_bytes = 0;  // reserved while it runs
-  Seconds run_time{0};            // on one idle core, roughly
-  Seconds queue_time{0};          // until a job created now would start, roughly
+  Seconds run_time{0};            // rough time on one idle core
+  Seconds queue_time{0};          // rough time until a job created now would start
   std::optional<Error> refusal;   // the error with which CreateJob would be refused now
 };
 
@@ -372,12 +377,12 @@ struct JobEstimate {
 struct Event {
   std::int64_t sequence = 0;  // 1, 2, 3, ... within a job; may jump if events were lost or the server restarted
   Job::Time time;
-  std::int64_t skipped = 0;  // events between the previous one and this one that the server no longer had
+  std::int64_t skipped = 0;  // number of events before this one that the server had dropped already
   std::optional<Job> job;
   std::optional<Progress> progress;
 };
 
-// UV of every corner in the caller's order, as float or double according to UnwrapOptions::precision (with kAuto, the
+// UV of every corner, in the caller's order, as float or double according to UnwrapOptions::precision (with kAuto, the
 // server chooses). Numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of triangle f.
 class Uv {
  public:
@@ -429,7 +434,7 @@ struct Capabilities {
   int threads = 0;                     // maximal number for a job
   std::int64_t max_triangles = 0;
   std::int64_t memory_bytes = 0;        // limit of the reservations of all running jobs
-  std::int64_t inline_mesh_bytes = 0;   // larger meshes are sent by a resumable upload; 0: none are
+  std::int64_t inline_mesh_bytes = 0;   // larger meshes are sent by a resumable upload; 0: no mesh is
   std::int64_t upload_chunk_bytes = 0;  // per message of an upload
   Seconds reattach_grace{0};            // how long the job of a disconnected caller waits for it
   bool durable = false;                 // whether jobs, meshes and results survive a restart of the server

@@ -1,4 +1,4 @@
-// From UV per corner to UV per vertex, for renderers and most file formats.
+// Converts UV per corner to UV per vertex, as renderers and most file formats need them.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +11,12 @@
 namespace planish::inline abi0 {
 
 // A mesh whose vertices have one UV each. The original vertices keep their numbers. A vertex with several UV, at a
-// seam, gets a copy for each further one, behind all original vertices. To carry an attribute over:
+// seam, gets a copy for each UV after the first; the copies come after all original vertices. To carry over an
+// attribute:
 //
 //   for (std::size_t v = 0; v < split.source_vertex.size(); ++v) normals_out[v] = normals_in[split.source_vertex[v]];
 struct VertexSplit {
-  std::vector<std::uint32_t> source_vertex;  // per vertex: the original one; begins with 0, 1, 2, ...
+  std::vector<std::uint32_t> source_vertex;  // per vertex: the original vertex; begins with 0, 1, 2, ...
   std::vector<std::uint32_t> triangles;      // three vertices per triangle, in the original order
   Uv uv;                                     // one (u, v) per vertex, (0, 0) for vertices without a triangle
 

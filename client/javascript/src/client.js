@@ -1,5 +1,5 @@
-// Calls to one server: those that are repeated until they get through, and the one that follows a job from its stream's first event to the
-// last byte of its UV, over as many streams as that takes.
+// Calls to one server. Most are repeated until they get through; unwraps follow a job from its first event to the last
+// byte of its UV, over several streams if the connection breaks.
 import {createHash, randomBytes, randomUUID} from 'node:crypto';
 import {setTimeout as sleep} from 'node:timers/promises';
 
@@ -13,7 +13,7 @@ const UNARY_SECONDS = 20, LONGEST_WAIT_SECONDS = 15;
 const SMALL_MESH_BYTES = 1 << 20;  // up to this size meshes are sent without asking for the server's limits
 const MOST_IN_BATCH = 100, MOST_BATCH_BYTES = 4 << 20;
 const MOST_LOST_JOBS = 3;
-const PRIVATE_PATIENCE_SECONDS = 5;  // a private server that was lost comes back at once, or not at all
+const PRIVATE_PATIENCE_SECONDS = 5;  // a lost private server is restarted at once, or not at all
 const MESH_FIELDS = ['seamEdges', 'seamCorners', 'parts', 'uncutCorners', 'facePolygon', 'faceAtlas', 'faceWeights'];
 const TERMINAL = ['SUCCEEDED', 'FAILED', 'CANCELLED', 'EXPIRED'].map((state) => `JOB_STATE_${state}`);
 const RETRY = {reattachSeconds: 60, backoffSeconds: 0.1, queueFullWaitSeconds: 60, retrySeconds: 10};
@@ -23,7 +23,8 @@ function newTraceparent() {
   return `00-${id ?? randomBytes(16).toString('hex')}-${randomBytes(8).toString('hex')}-${flags ?? '01'}`;
 }
 
-// The JobSpec without its mesh, and the mesh packed. `options`: those of UnwrapOptions, of the mesh and of the job, as users write them.
+// Returns the JobSpec without its mesh, the packed mesh, and the request id. `options`: UnwrapOptions, MeshElements and
+// JobOptions (index.d.ts) in one object.
 function newJob(positions, indices, options = {}) {
   const {labels = {}, priority, timeoutSeconds, computeBudgetSeconds, fresh, requestId, pack, ...more} = options;
   const ofMesh = Object.fromEntries(MESH_FIELDS.map((name) => [name, more[name]]));
@@ -51,7 +52,8 @@ function word(name, type, value) {
   return found;
 }
 
-// Of one call, over all its attempts: how long to bear a server that is lost, and one that is full.
+// Decides how long one call waits before each of its attempts. It waits at most `lostSeconds` for a lost server, and
+// `roomSeconds` for a full one.
 class Patience {
   constructor(client, lostSeconds, roomSeconds) {
     Object.assign(this, {client, lostSeconds, roomSeconds, attempts: 0, lostSince: undefined, waited: 0, hasRevived: false});
@@ -60,7 +62,8 @@ class Patience {
     this.attempts = 0;
     this.lostSince = undefined;
   }
-  // Waits before the next attempt; throws `error`, or what stands for it, if there is to be none. Returns the seconds.
+  // Waits before the next attempt and returns the seconds. Throws `error`, or an error that replaces it, if there
+  // should be no further attempt.
   async pause(error, signal) {
     const {client} = this;
     let seconds;
@@ -125,7 +128,7 @@ export class Client {
     this._open = undefined;
   }
 
-  // Ends the connection, and calls under way with it.
+  // Ends the connection, and the running calls with it.
   close() {
     this._isClosed = true;
     this._disconnect();
@@ -169,7 +172,8 @@ export class Client {
     return new Patience(this, this._retry.reattachSeconds, this._retry.queueFullWaitSeconds);
   }
 
-  // Puts the mesh into the spec, or uploads one that is better not sent in one message.
+  // Puts the mesh into the spec. A mesh that should not be sent in one message is uploaded instead, and the spec names
+  // the upload.
   async _placeMesh(spec, mesh, signal) {
     spec.arrays = mesh.arrays;
     if (mesh.byteCount <= SMALL_MESH_BYTES) return;
@@ -179,7 +183,7 @@ export class Client {
                              {code: 'RESOURCE_EXHAUSTED', reason: 'MESH_TOO_LARGE', metadata: {bytes: String(mesh.byteCount), limit: String(server.maxMeshBytes)}});
     }
     const isSmall = !(server.inlineMeshBytes > 0 && mesh.byteCount > server.inlineMeshBytes);
-    if (this._connection.isUnix || isSmall || mesh.vertexCount > mesh.indices.length) return;  // Draco has no meshes with more vertices than corners
+    if (this._connection.isUnix || isSmall || mesh.vertexCount > mesh.indices.length) return;  // a Draco file cannot have more vertices than corners
     const data = mesh.draco;
     const begin = {totalBytes: data.length, sha256: createHash('sha256').update(data).digest(), requestId: randomUUID()};
     try {
@@ -193,7 +197,7 @@ export class Client {
       delete spec.arrays;
       spec.upload = upload.name;
     } catch (error) {
-      if (error.code !== 'NOT_FOUND') throw error;  // a server that was restarted has forgotten what had arrived
+      if (error.code !== 'NOT_FOUND') throw error;  // a restarted server has forgotten the upload: sends the mesh in one message
     }
   }
 
@@ -205,27 +209,27 @@ export class Client {
     return new Follower(this, {unwrap: {spec, requestId, detached}, mesh, onProgress, onEvent, onRetry, signal}).result();
   }
 
-  // Follows a job until it ended and brings its UV; the mesh, if it is given, must be the job's.
+  // Follows a job until it ends and returns its UV. If a mesh is given, it must be the job's.
   async attach(job, positions, indices, {onProgress, onEvent, onRetry, signal} = {}) {
     const mesh = positions === undefined ? undefined : packMesh({positions, indices});
     return new Follower(this, {watch: job, mesh, onProgress, onEvent, onRetry, signal}).result();
   }
 
-  // Follows a job until it ended, whatever the end.
+  // Follows a job until it ends, in any state, and returns it.
   async watchJob(job, {onProgress, onEvent, onRetry, signal, afterSequence = 0} = {}) {
     const follower = new Follower(this, {watch: job, wantsUv: false, afterSequence, onProgress, onEvent, onRetry, signal});
     await follower.run();
     return plainJob(follower.job);
   }
 
-  // Queues a job and returns as soon as the server has it.
+  // Queues a job and returns it once the server has accepted it.
   async createJob(positions, indices, options, {signal} = {}) {
     const {spec, mesh, requestId} = newJob(positions, indices, options);
     await this._placeMesh(spec, mesh, signal);
     return plainJob(await this._repeated('CreateJob', {spec, requestId}, {seconds: 0, signal, patience: this._patienceForNewJob()}));
   }
 
-  // Queues several jobs with few calls: for each a job, or the error that it was refused with.
+  // Queues several jobs with few calls. Returns for each the job, or the error with which it was refused.
   async createJobs(jobs, {signal} = {}) {
     const created = new Array(jobs.length);
     let batch = [], bytes = 0;
@@ -260,7 +264,7 @@ export class Client {
   async getJob(name) {
     return plainJob(await this._repeated('GetJob', {name}));
   }
-  // The job when it has ended, or after so many seconds as it is then.
+  // Waits until the job has ended, at most `seconds`, and returns it.
   async waitJob(name, seconds = Infinity) {
     const end = performance.now() + 1000 * seconds;
     for (;;) {
@@ -269,7 +273,7 @@ export class Client {
       if (TERMINAL.includes(job.state) || left < LONGEST_WAIT_SECONDS) return plainJob(job);
     }
   }
-  // Newest first, at most `limit` (0: all), without reports.
+  // The jobs, newest first, at most `limit` (0: all), without reports.
   async listJobs({limit = 50, filter = ''} = {}) {
     const jobs = [];
     for (let pageToken = ''; ;) {
@@ -289,7 +293,7 @@ export class Client {
   async deleteJob(name) {
     await this._repeated('DeleteJob', {name});
   }
-  // What unwrapping a mesh of this size would need.
+  // Estimates what unwrapping a mesh of this size would need.
   async estimate({triangles, vertices = 0}, options) {
     const {spec} = newJob(undefined, undefined, options);
     const {size, refusal, ...answer} = await this._repeated('EstimateJob', {spec, size: {triangles, vertices}});
@@ -306,14 +310,14 @@ function plainJob({error, ...job}) {
           report: job.report ? {...plain(report), triangles: input?.triangles ?? 0, vertices: input?.vertices ?? 0} : null};
 }
 
-// Follows one job, once.
+// Follows the job of one call. Use once.
 class Follower {
   constructor(client, {unwrap, watch = '', mesh, wantsUv = true, afterSequence = 0, onProgress, onEvent, onRetry, signal}) {
     Object.assign(this, {client, unwrap, mesh, wantsUv, onProgress, onEvent, onRetry, signal});
     this._patience = client._patienceForNewJob();
     this._name = watch;
     this._sequence = afterSequence;
-    this._lostStream = false;  // of the present job
+    this._lostStream = false;  // a stream of the current job broke
     this._lostJobs = 0;
     this.job = undefined;
     this._pieces = [];
@@ -330,7 +334,7 @@ class Follower {
     const {job, mesh} = this;
     if (job.state !== 'JOB_STATE_SUCCEEDED') throw errorOfJob(job);
     const corrupt = (what) => new PlanishError(`the UV that arrived are not the ones that the server made: ${what}`, {code: 'DATA_LOSS', reason: 'UV_CORRUPT', job: job.name});
-    const bytes = new Uint8Array(Buffer.concat(this._pieces));  // a copy of its own, so that it is aligned
+    const bytes = new Uint8Array(Buffer.concat(this._pieces));  // a copy, whose buffer is aligned
     if (mesh && !job.uv.meshSha256.equals(mesh.sha256) && !job.uv.meshSha256.equals(createHash('sha256').update(mesh.draco).digest())) {
       throw new PlanishError('the job was made from other positions or triangles', {code: 'FAILED_PRECONDITION', reason: 'MESH_MISMATCH', job: job.name});
     }
@@ -340,7 +344,7 @@ class Follower {
     return new Result(isDouble ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer), plainJob(job), mesh);
   }
 
-  // Returns when the job ended, whatever the end, and its UV are here if it succeeded and they are wanted.
+  // Returns when the job has ended, in any state, with its UV if it succeeded and they are wanted.
   async run() {
     try {
       while (!this._isComplete) await this._runOneStream();
@@ -348,7 +352,7 @@ class Follower {
       if (error instanceof PlanishError && !this.signal?.aborted) {
         error.job ||= this._name;
       } else if (this.unwrap && !this.unwrap.detached) {
-        await this._cancelWhileLeaving();  // it was aborted, or a callback threw
+        await this._cancelWhileLeaving();  // the call was aborted, or a callback threw
       }
       throw this.signal?.aborted ? this.signal.reason : error;
     }
@@ -359,7 +363,7 @@ class Follower {
       const {spec, requestId} = this.unwrap;
       const name = this._name || (this._sent && (await this.client._once('CreateJob', {spec, requestId}, 5)).name);
       if (name) await this.client._once('CancelJob', {name}, 5);
-    } catch { /* the server cancels the job of a caller that is gone by itself, only later */ }
+    } catch { /* later the server cancels the job of a caller that is gone by itself */ }
   }
 
   async _runOneStream() {
@@ -423,10 +427,10 @@ class Follower {
 
   async _onStreamError(error) {
     const isNew = this.unwrap && !this._name;
-    if (isNew && error.reason === 'DRAINING' && !this._lostStream) throw error;  // it takes no new jobs
+    if (isNew && error.reason === 'DRAINING' && !this._lostStream) throw error;  // a draining server takes no new jobs
     if ((isNew && error.reason === 'UPLOAD_NOT_FOUND' && this.unwrap.spec.upload) ||
         (error.code === 'NOT_FOUND' && this.unwrap && this._lostStream && this._name)) {
-      this._startAnew();  // the server that had it has it no more
+      this._startAnew();  // the server has lost the upload, or the job or its UV
       return;
     }
     this._lostStream ||= isBroken(error);
@@ -440,7 +444,7 @@ class Follower {
       await this._onStreamError(new PlanishError('the stream ended before the job did', {code: 'UNAVAILABLE', reason: 'CONNECTION_LOST'}));
     } else if (this.unwrap && ((this.job.state === 'JOB_STATE_CANCELLED' && this._lostStream) ||
                (this.job.state === 'JOB_STATE_FAILED' && this._lostJobs < MOST_LOST_JOBS && errorOfJob(this.job).reason === 'MESH_LOST'))) {
-      this._startAnew();  // the server cancelled it after the loss of its stream, or has lost the mesh; it is here
+      this._startAnew();  // the server cancelled the job after the loss of its stream, or has lost its mesh
     }
   }
 
@@ -450,8 +454,8 @@ class Follower {
                              {code: 'UNAVAILABLE', reason: 'CONNECTION_LOST'});
     }
     Object.assign(this, {_name: '', _sequence: 0, _lostStream: false, job: undefined, _pieces: [], _uvBytes: 0});
-    this.unwrap.requestId = randomUUID();  // the old one stands for the job that is gone
-    delete this.unwrap.spec.upload;  // it may be gone with it
+    this.unwrap.requestId = randomUUID();  // the old id belongs to the lost job
+    delete this.unwrap.spec.upload;  // the upload may be lost with the job
     this.unwrap.spec.arrays = this.mesh.arrays;
   }
 }

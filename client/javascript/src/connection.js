@@ -1,4 +1,4 @@
-// Which server, how to get there, and who calls: options, the environment, TLS and tokens.
+// How to connect to a server: options, the environment, TLS and tokens.
 import grpc from '@grpc/grpc-js';
 import {readFileSync} from 'node:fs';
 
@@ -6,7 +6,7 @@ import {invalid} from './errors.js';
 
 const isUnix = (target) => /^unix(-abstract)?:/.test(target);
 
-// Whether nobody on a network can read along.
+// Whether the connection stays within this machine.
 function isWithinThisMachine(target) {
   const host = target.replace(/:[^:]*$/, '').replace(/^\[|\]$/g, '');
   return isUnix(target) || host === 'localhost' || host === '::1' || /^127(\.\d+){3}$/.test(host);
@@ -28,7 +28,7 @@ function read(what, path) {
 }
 
 export class Connection {
-  // `options`: undefined stands for the variable of the environment.
+  // `options`: ConnectionOptions (index.d.ts); an undefined option is taken from the environment.
   constructor(target, options = {}) {
     const env = (value, variable) => value ?? process.env[variable] ?? '';
     this.target = target;
@@ -58,7 +58,7 @@ export class Connection {
     };
   }
 
-  // What every call carries.
+  // The metadata of a call: its trace, and the token of the caller.
   metadata(traceparent) {
     const metadata = new grpc.Metadata();
     metadata.set('traceparent', traceparent);

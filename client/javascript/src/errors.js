@@ -1,4 +1,4 @@
-// What a call fails with, made of what a server or the connection to it says.
+// The errors of calls and jobs, made from the answers of a server or of the connection to it.
 import {definition} from './protocol.js';
 
 const CODES = ['OK', 'CANCELLED', 'UNKNOWN', 'INVALID_ARGUMENT', 'DEADLINE_EXCEEDED', 'NOT_FOUND', 'ALREADY_EXISTS', 'PERMISSION_DENIED',
@@ -26,7 +26,7 @@ export class PlanishError extends Error {
   }
 }
 
-// Of a google.rpc.Status.
+// The error of a google.rpc.Status.
 export function errorOfStatus({code, message, details}, job = '') {
   const found = {code: CODES[code] ?? 'UNKNOWN', job};
   for (const {type_url, typeUrl, value} of details) {
@@ -42,7 +42,7 @@ export function errorOfStatus({code, message, details}, job = '') {
   return new PlanishError(message, found);
 }
 
-// Of a job that ended without UV.
+// The error of a job that ended without UV.
 export function errorOfJob(job) {
   if (job.error) return errorOfStatus(job.error, job.name);
   const cancelled = job.state === 'JOB_STATE_CANCELLED';
@@ -50,7 +50,7 @@ export function errorOfJob(job) {
                           {code: cancelled ? 'CANCELLED' : 'INTERNAL', job: job.name});
 }
 
-// Of a call; `error` is what grpc-js gives.
+// The error of a call; `error` is that of grpc-js.
 export function errorOfCall(error, target) {
   const [bytes] = error.metadata?.get('grpc-status-details-bin') ?? [];
   if (bytes) {
@@ -66,7 +66,8 @@ export function errorOfCall(error, target) {
   return new PlanishError(said, {code});
 }
 
-// Whether the connection broke, as opposed to a server that answered.
+// Whether the connection broke or the server is unavailable. UPLOAD_BUSY counts too: the server has not noticed yet
+// that the call which wrote the upload broke. False for other errors that the server returned.
 export function isBroken(error) {
   return error.code === 'UNAVAILABLE' || error.reason === 'UPLOAD_BUSY' ||
          (error.reason === error.code && (error.code === 'INTERNAL' || error.code === 'UNKNOWN' || error.code === 'CANCELLED'));

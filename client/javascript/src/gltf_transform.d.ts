@@ -7,16 +7,16 @@ export interface PlanishOptions extends UnwrapOptions {
   server?: string;
   /** TLS and tokens for `server`. */
   connection?: ConnectionOptions;
-  /** In the place of `server`: a client that there is. */
+  /** An existing client, in place of `server`. */
   client?: Client;
-  /** The set of texture coordinates that is written; 0. */
+  /** The set of texture coordinates that is written; default 0. */
   texcoord?: number;
-  /** Whether primitives that have this set already get it anew; false. */
+  /** Whether to replace this set in primitives that have it already; default false. */
   overwrite?: boolean;
-  /** What shares a texture: each primitive has its own, the primitives of a mesh share one, or all of the document do; `mesh`. */
+  /** Which primitives share a texture: none, those of a mesh, or all of the document; default 'mesh'. */
   groupBy?: 'primitive' | 'mesh' | 'scene';
   onProgress?: (progress: Progress, primitives: Primitive[]) => void;
-  /** Called for each group when its UV have been written. */
+  /** Called for each group of primitives that share a texture, when their UV have been written. */
   onResult?: (result: Result, primitives: Primitive[]) => void;
   signal?: AbortSignal;
 }

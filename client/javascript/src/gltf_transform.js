@@ -1,4 +1,4 @@
-// A transform for glTF-Transform: UV maps by planish for the triangles of a document, beside its own unwrap().
+// A transform for glTF-Transform, which makes UV for the triangles of a document, as its own unwrap() does.
 import {Node, Primitive, PropertyType} from '@gltf-transform/core';
 
 import {Client} from './client.js';
@@ -38,7 +38,7 @@ export function planish({server, client, connection, texcoord = 0, overwrite = f
           const result = await mine.unwrap(positions, indices, options, {signal, onProgress: onProgress && ((progress) => onProgress(progress, primitives))});
           done.set(parts, result);
         } catch (error) {
-          waiting.length = 0;  // what is running ends first; the document stays as it was
+          waiting.length = 0;  // starts no more; calls that run end first, and the document stays as it was
           if (error instanceof PlanishError) error.message = `${parts.map(({mesh}) => mesh.getName()).find(Boolean) ?? 'a mesh'}: ${error.message}`;
           throw error;
         }
@@ -86,7 +86,8 @@ function worldScale(mesh) {
   return scale > 0 && Number.isFinite(scale) ? scale : 1;
 }
 
-// One mesh of all parts. Vertices of one mesh in the same place are one, so that a chart goes on where normals or materials do not.
+// Joins all parts into one mesh. Vertices of the same glTF mesh at the same position become one, so that charts
+// continue across edges where normals or materials change.
 function weld(parts) {
   const positions = [], indices = [], known = new Map(), point = [];
   for (const {primitive, mesh, scale, triangles} of parts) {
@@ -109,7 +110,7 @@ function weld(parts) {
   return {positions: Float32Array.from(positions), indices: Uint32Array.from(indices)};
 }
 
-// Gives the primitive the UV of its corners; vertices with several UV become several.
+// Writes the UV of the primitive's corners, and splits vertices with several UV.
 function write(document, primitive, triangles, uv, texcoord) {
   const next = new Map(), sources = [], coordinates = [], first = new Int32Array(primitive.getAttribute('POSITION').getCount()).fill(-1);
   const indices = new Uint32Array(triangles.length);
@@ -142,7 +143,7 @@ function write(document, primitive, triangles, uv, texcoord) {
     }
   }
   const made = document.createAccessor().setType('VEC2').setArray(Float32Array.from(coordinates)).setBuffer(buffer);
-  // Where TEXCOORD_N is, those before it must be as well.
+  // glTF allows TEXCOORD_N only with all sets below N: those that are missing get the same UV.
   for (let n = 0; n <= texcoord; ++n) {
     if (n === texcoord || !primitive.getAttribute(`TEXCOORD_${n}`)) primitive.setAttribute(`TEXCOORD_${n}`, made);
   }

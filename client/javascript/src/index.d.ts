@@ -6,33 +6,34 @@ export type Numbers = ArrayLike<number>;
 
 export type {UnwrapOptions} from './options.js';
 
-/** What belongs to corners and faces of the mesh. */
+/** Data of corners and faces of the mesh. */
 export interface MeshElements {
   /** Pairs of vertices between which a given seam runs. */
   seamEdges?: Numbers | [number, number][];
-  /** Corner 3 f + k faces the edge between the other two corners of triangle f: a given seam. */
+  /** Corners that face edges at which a given seam runs: corner 3 f + k, the k-th of triangle f, faces the edge between
+      the other two. */
   seamCorners?: Numbers;
-  /** A label for each triangle: a given seam runs wherever two differ. */
+  /** A label for each triangle: a given seam runs wherever the labels of two triangles differ. */
   parts?: Numbers;
   /** Corners that face edges at which no seam is added. */
   uncutCorners?: Numbers;
-  /** The polygon that each triangle comes from: no seam follows its diagonals. */
+  /** The polygon that each triangle comes from: no seam follows the diagonals of a polygon. */
   facePolygon?: Numbers;
   /** The atlas that each triangle goes into, from 0 on. */
   faceAtlas?: Numbers;
-  /** So many times the texels per length, for each triangle. */
+  /** For each triangle, a factor on the texels per length, from 0.01 to 100. */
   faceWeights?: Numbers;
 }
 
 export interface JobOptions {
-  /** Whatever helps to find the job again. */
+  /** For finding the job again. */
   labels?: Record<string, string>;
   priority?: 'low' | 'normal' | 'high';
-  /** From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED. */
+  /** Counted from acceptance: a job that has not ended by then fails with DEADLINE_EXCEEDED. */
   timeoutSeconds?: number;
-  /** Of running: a job that runs longer delivers the best map it has. */
+  /** A job that runs longer is stopped, and delivers its best map so far. */
   computeBudgetSeconds?: number;
-  /** Compute anew even if the server has the result. */
+  /** Compute again even if the server has the result for this mesh and these options. */
   fresh?: boolean;
   /** The same id gets the same job. */
   requestId?: string;
@@ -40,7 +41,7 @@ export interface JobOptions {
 
 export type Options = UnwrapOptions & MeshElements & JobOptions;
 
-/** One point of a job's way. */
+/** How far a job is. */
 export interface Progress {
   stage: 'unspecified' | 'decode' | 'charts' | 'solve' | 'layout' | 'pack' | 'verify' | 'encode';
   /** 0-based. */
@@ -53,7 +54,7 @@ export interface Progress {
   stepLength: number;
   elapsedSeconds: number;
   tolerance: number;
-  /** Of the stage that is done, roughly; 0 in stages that do not tell. */
+  /** How much of the stage is done, from 0 to 1, roughly; 0 in stages that do not report it. */
   stageFraction: number;
   residual: Residual | null;
 }
@@ -83,7 +84,7 @@ export interface Quality {
   packingEfficiency: number;
   seamLength: number;
 }
-/** What became of the mesh; fields as in planish.v1.Report. */
+/** What the server reports of a job that SUCCEEDED; fields as in planish.v1.Report. */
 export interface Report {
   triangles: number;
   vertices: number;
@@ -117,9 +118,9 @@ export interface Event {
   job: Job | null;
   progress: Progress | null;
 }
-/** A mesh whose vertices have one UV each. The vertices that came in keep their numbers; copies are behind them. */
+/** A mesh whose vertices have one UV each. The given vertices keep their numbers; copies come after them. */
 export interface VertexSplit {
-  /** The vertex that each came from. */
+  /** The given vertex of each vertex. */
   sourceVertex: Uint32Array;
   indices: Uint32Array;
   uv: Float32Array | Float64Array;
@@ -139,14 +140,17 @@ export interface Result {
 
 export interface Callbacks {
   onProgress?: (progress: Progress) => void;
-  /** Every event, in order. After the loss of both connection and job, they start again at 1 with another job. */
+  /** Called for every event, in order. If both connection and job are lost, events start again at 1 with the name of a
+      new job. */
   onEvent?: (event: Event) => void;
-  /** The connection broke, or the server is full; another attempt has been waited for, for so many seconds. */
+  /** Called when the connection broke or the server is full, with the error and the seconds waited before the next
+      attempt. */
   onRetry?: (error: PlanishError, seconds: number) => void;
   /** Aborting cancels the job on the server; the call then ends with the signal's reason. */
   signal?: AbortSignal;
 }
-/** undefined stands for the variable of the environment, $PLANISH_TLS and so on. */
+/** How to encrypt a connection and identify the caller. An undefined option is taken from the environment: $PLANISH_TLS
+    and so on. */
 export interface ConnectionOptions {
   tls?: boolean;
   tlsCaFile?: string;
@@ -159,12 +163,12 @@ export interface ConnectionOptions {
   tokenOverPlaintext?: boolean;
 }
 export interface RetryPolicy {
-  /** How long calls about a job wait for a server that was lost; 60. */
+  /** How long calls about a job wait for a lost server, in seconds; default 60. */
   reattachSeconds?: number;
   backoffSeconds?: number;
-  /** How long a new job waits for room; 60. */
+  /** How long a new job waits for room on a full server, in seconds; default 60. */
   queueFullWaitSeconds?: number;
-  /** How long the other calls are repeated; 10. */
+  /** How long other calls are retried, in seconds; default 10. */
   retrySeconds?: number;
 }
 
@@ -175,7 +179,7 @@ export class PlanishError extends Error {
   readonly metadata: Record<string, string>;
   readonly job: string;
   readonly retryAfterSeconds: number;
-  /** Elements at fault, of the arrays that were given. */
+  /** Ids of the elements at fault, in the given arrays. */
   get faces(): number[];
   get vertices(): number[];
   get edges(): [number, number][];
@@ -183,24 +187,25 @@ export class PlanishError extends Error {
 
 export type NewJob = {positions: Numbers | number[][]; indices: Numbers | number[][]} & Options;
 
-/** A connection to one server, made by the first call and again when it is lost. */
+/** A connection to one server, made by the first call and re-established when lost. */
 export class Client {
   /** `target`: "host:port" or "unix:/path"; undefined: $PLANISH_SERVER, else a private server of this process. */
   constructor(target?: string, options?: ConnectionOptions & {retry?: RetryPolicy});
   readonly target: string | undefined;
   unwrap(positions: Numbers | number[][], indices: Numbers | number[][], options?: Options, calls?: Callbacks & {detached?: boolean}): Promise<Result>;
-  /** Follows a job until it ended and brings its UV; the mesh, if it is given, must be the job's. Aborting leaves the job alone. */
+  /** Follows a job until it ends and returns its UV. If a mesh is given, it must be the job's. Aborting does not affect
+      the job. */
   attach(job: string, positions?: Numbers | number[][], indices?: Numbers | number[][], calls?: Callbacks): Promise<Result>;
-  /** Follows a job until it ended, whatever the end. */
+  /** Follows a job until it ends, in any state, and returns it. */
   watchJob(job: string, calls?: Callbacks & {afterSequence?: number}): Promise<Job>;
-  /** Queues a job and returns as soon as the server has it. */
+  /** Queues a job and returns it once the server has accepted it. */
   createJob(positions: Numbers | number[][], indices: Numbers | number[][], options?: Options, calls?: {signal?: AbortSignal}): Promise<Job>;
-  /** Queues several jobs with few calls: for each a job, or the error that it was refused with. */
+  /** Queues several jobs with few calls. Returns for each the job, or the error with which it was refused. */
   createJobs(jobs: NewJob[], calls?: {signal?: AbortSignal}): Promise<(Job | PlanishError)[]>;
   getJob(name: string): Promise<Job>;
-  /** The job when it has ended, or after so many seconds as it is then. */
+  /** Waits until the job has ended, at most `seconds`, and returns it. */
   waitJob(name: string, seconds?: number): Promise<Job>;
-  /** Newest first, at most `limit` (50; 0: all), without reports. */
+  /** The jobs, newest first, at most `limit` (default 50; 0: all), without reports. */
   listJobs(options?: {limit?: number; filter?: string}): Promise<Job[]>;
   /** Asks a job to end soon with the best valid map so far. */
   stopJob(name: string): Promise<Job>;
@@ -211,15 +216,15 @@ export class Client {
   close(): void;
 }
 
-/** A planishd that only this user can reach. It ends with close(), and with this process however that ends. Needs Linux. */
+/** A planishd that only this user can reach. It ends with close(), and when this process ends. Needs Linux. */
 export class PrivateServer {
   static start(options?: {executable?: string; workers?: number; threads?: number; startTimeoutSeconds?: number; extraArguments?: string[]}): Promise<PrivateServer>;
   readonly target: string;
   readonly executable: string;
-  /** 0 if it does not run. */
+  /** The process id of planishd; 0 if it does not run. */
   readonly pid: number;
   readonly isRunning: boolean;
-  /** What it wrote to stderr so far. */
+  /** What planishd has written to stderr so far. */
   log(): string;
   startAgain(): Promise<void>;
   close(): Promise<void>;
@@ -228,7 +233,7 @@ export class PrivateServer {
 /** Flattens a mesh on the server that $PLANISH_SERVER names, or on a private one that the first call starts and that ends with this process. */
 export function unwrap(positions: Numbers | number[][], indices: Numbers | number[][], options?: Options, calls?: Callbacks & {detached?: boolean}): Promise<Result>;
 export function splitVertices(vertexCount: number, indices: Numbers, uv: Float32Array | Float64Array): VertexSplit;
-/** The planishd that a private server would be: $PLANISHD, else the one in PATH. */
+/** The planishd that a private server would run: $PLANISHD, else the one in PATH; null if there is none. */
 export function findPlanishd(): string | null;
 export function defaultClient(): Client;
 export function defaultServer(): Promise<PrivateServer>;

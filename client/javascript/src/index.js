@@ -5,9 +5,9 @@ export {PlanishError} from './errors.js';
 export {splitVertices} from './mesh.js';
 export {PrivateServer, closeDefaultServer, defaultServer, findPlanishd} from './private_server.js';
 
-const clients = new Map();  // by what $PLANISH_SERVER says
+const clients = new Map();  // by the value of $PLANISH_SERVER
 
-// The client of unwrap(): of the server that $PLANISH_SERVER names, or of the private one of this process.
+// The client of unwrap(), for the server that $PLANISH_SERVER names, else for the private server of this process.
 export function defaultClient() {
   const target = process.env.PLANISH_SERVER ?? '';
   if (!clients.has(target)) clients.set(target, new Client());

@@ -1,4 +1,4 @@
-// Meshes from arrays to the wire, and UV from corners to vertices.
+// Converts arrays to meshes for sending, and UV per corner to UV per vertex.
 import {createHash} from 'node:crypto';
 
 import {invalid} from './errors.js';
@@ -91,7 +91,7 @@ class PackedMesh {
   get sha256() {
     return createHash('sha256').update(this.arrays.positions).update(this.arrays.triangles).digest();
   }
-  // The same mesh as a Draco file, which is what uploads take: sequential, not compressed, in the same order.
+  // The same mesh as a Draco file, the format of uploads: sequential, not compressed, in the same order.
   get draco() {
     const varint = (number) => (number > 127 ? [(number & 127) | 128, ...varint(number >>> 7)] : [number]);
     let bytes;
@@ -160,7 +160,7 @@ export function splitVertices(vertexCount, indices, uv) {
   const corners = indices.length;
   if (uv.length !== 2 * corners) throw invalid(`uv has ${uv.length} numbers for ${corners} corners`);
   const sources = Uint32Array.from({length: vertexCount}, (_, v) => v);
-  const made = [];  // copies: the vertex that each is one of
+  const made = [];  // per copy: the vertex that it copies
   const coordinates = new uv.constructor(2 * vertexCount), more = [];
   const isTaken = new Uint8Array(vertexCount), next = new Map();  // the copies of a vertex form a list
   const result = new Uint32Array(corners);

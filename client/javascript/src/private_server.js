@@ -1,4 +1,4 @@
-// A planishd of this process's own.
+// Starts a private planishd, for programs that must work without a running server.
 import {spawn} from 'node:child_process';
 import {accessSync, closeSync, constants, mkdtempSync, openSync, readFileSync, rmSync, statSync, unlinkSync} from 'node:fs';
 import os from 'node:os';
@@ -27,11 +27,11 @@ export function findPlanishd() {
 
 function newDirectory() {
   for (const base of [process.env.XDG_RUNTIME_DIR, process.env.TMPDIR, '/tmp']) {
-    // With room for a name in it a socket's path must stay below 108 bytes.
+    // The path of the socket in the new directory must stay below 108 bytes.
     if (!base || !isAbsolute(base) || base.length > 60) continue;
     try {
       return mkdtempSync(join(base, 'planish-'));
-    } catch { /* the next one */ }
+    } catch { /* tries the next folder */ }
   }
   throw failed("cannot make a directory for the server's socket in $XDG_RUNTIME_DIR, $TMPDIR or /tmp");
 }
@@ -72,7 +72,7 @@ export class PrivateServer {
   get pid() {
     return this.isRunning ? this._child.pid : 0;
   }
-  // What it wrote to stderr so far.
+  // What planishd has written to stderr so far.
   log() {
     try {
       return readFileSync(join(this.directory, 'log'), 'utf8');
@@ -81,7 +81,7 @@ export class PrivateServer {
     }
   }
 
-  // Starts it anew, at the same address, if it has crashed; its jobs are lost.
+  // Restarts planishd at the same address if it has crashed; its jobs are lost.
   async startAgain() {
     if (!this.isRunning) await (this._starting ??= this._start().finally(() => { this._starting = undefined; }));
   }
@@ -91,9 +91,9 @@ export class PrivateServer {
     const env = Object.fromEntries(Object.entries(process.env).filter(([name]) => !name.startsWith('PLANISHD_')));
     try {
       unlinkSync(join(this.directory, 'socket'));
-    } catch { /* it is not there */ }
+    } catch { /* there is no old socket */ }
     const log = openSync(join(this.directory, 'log'), 'w', 0o600);
-    // It ends when the other end of descriptor 3 is closed: with this process, however that ends.
+    // planishd ends once this process's end of descriptor 3 is closed: by close(), or when this process ends.
     const child = this._child = spawn(this.executable, [`--listen=${this.target}`, '--supervisor-fd=3', '--log-level=warn', ...this._arguments],
                                       {env, detached: true, stdio: ['ignore', 'ignore', log, 'pipe']});
     closeSync(log);
@@ -108,7 +108,7 @@ export class PrivateServer {
     ]).catch((error) => `cannot be started: ${error.message}`);
     clearTimeout(timer);
     if (said !== 'ready\n') throw failed(`${this.executable} ${said}\n${this.log()}`.trimEnd());
-    child.unref();  // a program that has nothing else to do may end
+    child.unref();  // neither planishd nor its pipe keeps a program from ending
     supervisor.unref();
   }
 
@@ -129,10 +129,10 @@ export class PrivateServer {
   }
 }
 
-let shared;  // a promise of the one server of this process
+let shared;  // a promise of the private server of this process
 
-// The private server of this process, for all who name none: started by the first call, ended with the process. One that has crashed is
-// started again, at the same address.
+// The private server of this process, for clients without a target. Started by the first call, ended with the process,
+// and restarted at the same address if it has crashed.
 export async function defaultServer() {
   const workers = Math.max(1, Math.min(4, Math.floor((os.availableParallelism?.() ?? os.cpus().length) / 2)));
   shared ??= PrivateServer.start({workers}).catch((error) => {
@@ -144,7 +144,8 @@ export async function defaultServer() {
   return server;
 }
 
-// Starts the server of this process again if it is the one at `target` and has crashed; whether it did so. `wasRevived`: for the same call.
+// Restarts the private server of this process if it is the server at `target` and has crashed. Returns whether it was
+// restarted. Throws if it was restarted for the same call before (`wasRevived`), which may be why it crashes.
 export async function revive(target, wasRevived) {
   const server = await shared;
   if (!server || server.target !== target || server.isRunning) return false;

@@ -1,5 +1,5 @@
-// The published protos, and values as users of JavaScript write them: enumerations are words ("auto", "solve"; states of jobs in capitals),
-// durations are seconds, times are Dates.
+// Loads the published protos, and converts values between messages and users of JavaScript: for users, enumerations are
+// words ("auto", "solve"; states of jobs in capitals), durations are seconds, times are Dates.
 import grpc from '@grpc/grpc-js';
 import protoLoader from '@grpc/proto-loader';
 import {fileURLToPath} from 'node:url';
@@ -9,8 +9,8 @@ export const definition = protoLoader.loadSync(['planish/v1/planish.proto', 'goo
                                                {includeDirs, enums: String, longs: Number, defaults: true, arrays: true, objects: true, oneofs: true});
 export const {Planish} = grpc.loadPackageDefinition(definition).planish.v1;
 
-const words = new Map();  // of the names of values
-const enums = new Map();  // by name: from word to name
+const words = new Map();  // by the name of a value: its word
+const enums = new Map();  // by the name of an enumeration: the names of its values by word
 for (const {format, type} of Object.values(definition)) {
   if (format !== 'Protocol Buffer 3 EnumDescriptorProto') continue;
   const prefix = type.value[0].name.slice(0, -'UNSPECIFIED'.length);
@@ -30,20 +30,20 @@ function camel(name) {
   return name.replace(/_([a-z])/g, (_, letter) => letter.toUpperCase());
 }
 
-// The value of a word in an enumeration; undefined if there is none.
+// The name of the value that a word has in an enumeration; undefined if there is none.
 export function enumValue(type, word) {
   const value = enums.get(type)?.get(String(word).toLowerCase());
   return value?.endsWith('_UNSPECIFIED') ? undefined : value;
 }
 export const enumWords = (type) => [...enums.get(type).keys()].filter((word) => word !== 'unspecified');
 
-// Fields of UnwrapOptions by the name that they have here; the value is their descriptor.
+// The descriptors of the fields of UnwrapOptions, by their names in JavaScript.
 export const optionFields = fields;
 
 const TIMES = new Set(['createTime', 'startTime', 'endTime', 'expireTime', 'time']);
 const RENAMED = {times: 'seconds', runTime: 'runTimeSeconds', queueTime: 'queueTimeSeconds', reattachGrace: 'reattachGraceSeconds'};
 
-// A message as users see it.
+// Converts a message to the object that users see.
 export function plain(value, key = '') {
   if (Array.isArray(value)) return value.map((each) => plain(each));
   if (typeof value === 'string') return words.get(value) ?? value;

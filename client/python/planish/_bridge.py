@@ -33,7 +33,7 @@ _MESSAGE, _END = 0, 1
 
 SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
 _file = descriptor_pb2.FileDescriptorProto.FromString(planish_pb2.DESCRIPTOR.serialized_pb)
-#: By name. Descriptors of older versions of protobuf do not say which are streams.
+#: By name: from the descriptor of the file, since other descriptors of older protobuf do not say which are streams.
 METHODS = {method.name: method for service in _file.service for method in service.method}
 _PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
@@ -63,7 +63,7 @@ class _Writer:
 
 
 def serve() -> None:
-    """Main function of the helper: connects, then makes calls until the other side is gone."""
+    """Main function of the helper: connects, then makes calls until the process that started it is gone."""
     ours = sys.stdin.buffer
     connection: Connection = pickle.load(ours)
     channel = connection.channel(grpc)
@@ -90,7 +90,7 @@ def serve() -> None:
                 calls.pop(number, None)
             writer.write(number, _END, pickle.dumps(end))
         except OSError:
-            pass  # nobody reads it any more
+            pass  # the process that started the helper reads no more
 
     while True:
         frame = _read_frame(ours)
@@ -112,17 +112,17 @@ class Bridge:
     """A helper for one server. Thread-safe. The helper ends with this object."""
 
     def __init__(self, connection: Connection) -> None:
-        #: The helper is gone: a new bridge is needed.
+        #: Whether the helper is gone, so that a new bridge is needed.
         self.is_lost = False
         code = f"import sys; sys.path[:] = {sys.path!r}; from planish._bridge import serve; serve()"
         executable = os.fsdecode(spawn.get_executable())
         try:
             self._process = subprocess.Popen(
-                # With the flags of this Python: -I and -E keep its environment and directory out of this one as well.
+                # Passes on the flags of this Python, such as -I and -E, which keep environment and directory out.
                 [executable, *subprocess._args_from_interpreter_flags(), "-c", code],  # type: ignore[attr-defined]
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C is for this process, which cancels calls itself
+                start_new_session=True,  # Ctrl-C must not reach the helper: this process cancels the calls
             )
         except OSError as error:
             message = f"cannot start {executable} to make the calls of a forked process: {error.strerror}"
@@ -147,7 +147,8 @@ class Bridge:
         metadata: Any,
         taker: Callable[[int, bytes], None],
     ) -> int:
-        """Calls `taker` with kind and content of each frame, on another thread."""
+        """Begins a call and returns its number. Calls `taker` with kind and content of each frame of the answer, on
+        another thread."""
         with self._lock:
             number = self._next = self._next + 1
             self._takers[number] = taker
@@ -162,7 +163,7 @@ class Bridge:
 
     def cancel(self, number: int) -> None:
         if number not in self._takers:
-            return  # the helper has ended
+            return  # the call has ended
         try:
             self._writer.write(number, _CANCEL, b"")
         except OSError:
@@ -189,7 +190,7 @@ class Bridge:
         self._lose()
 
     def _lose(self) -> None:
-        """The helper is gone: ends all calls."""
+        """Ends all calls with UNAVAILABLE, since the helper is gone."""
         end = pickle.dumps((grpc.StatusCode.UNAVAILABLE.value[0], "the process that makes the calls has ended", []))
         self.is_lost = True
         with self._lock:
@@ -199,7 +200,7 @@ class Bridge:
 
 
 class _Answers:
-    """The frames of one call."""
+    """Decodes the frames of one call."""
 
     def __init__(self, method: str) -> None:
         self._parse = _parser(method)
@@ -269,7 +270,7 @@ class _BlockingCall(_Answers):
 
 
 class BlockingStub:
-    """Replaces the stub that protoc makes."""
+    """Replaces the stub that protoc makes: the calls go through a bridge."""
 
     def __init__(self, bridge: Bridge) -> None:
         self._bridge = bridge

@@ -91,9 +91,10 @@ class Calls:
             raise
 
     async def pause(self, error: Error, patience: Patience, wake: Optional[threading.Event] = None) -> float:
-        """Waits before the next attempt; raises `error`, or one that replaces it, if there should be none.
+        """Waits before the next attempt and returns the seconds. Raises `error`, or an error that replaces it, if there
+        should be no further attempt.
 
-        A private server of this process that has crashed is restarted, once for each call."""
+        A private server of this process that has crashed is restarted, at most once per call."""
         transport = self.transport
         if is_broken(error) and revive(transport.connection.target, patience.has_revived):
             patience.has_revived = True
@@ -136,10 +137,10 @@ class Calls:
         return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name)))
 
     async def cancel_while_leaving(self, name: str, unwrap: Any) -> None:
-        """Cancels the job of a caller that leaves for another reason; failures are ignored.
+        """Cancels the job of a caller that leaves before the job has ended, as on Ctrl-C; failures are ignored.
 
-        `name` may be empty if it is not known yet. Then the job is found by `unwrap`, its request, unless that
-        is None: nothing was sent.
+        `name` is empty if it is not known yet. Then `unwrap`, the job's request, finds the job; None: the request was
+        not sent.
         """
         trace = Trace()
         try:
@@ -201,8 +202,8 @@ class Calls:
         )
 
     async def send_ahead(self, mesh: PackedMesh, trace: Trace, deadline: Deadline) -> str:
-        """Uploads a mesh that should not be sent in one message. Returns the name of the upload, or "". Raises if the
-        mesh is too large for the server."""
+        """Uploads a mesh that should not be sent in one message. Returns the name of the upload; "" for a mesh that
+        should be. Raises if the mesh is too large for the server."""
         if mesh.byte_count <= _SMALL_MESH_BYTES:
             return ""
         server = await self.capabilities()
@@ -214,9 +215,9 @@ class Calls:
                 metadata={"bytes": str(mesh.byte_count), "limit": str(limit)},
             )
         if is_unix(self.transport.connection.target) or not 0 < server.inline_mesh_bytes < mesh.byte_count:
-            return ""  # no network that could break, or little to send again
+            return ""  # there is no network that could break, or little to send again if it does
         if mesh.vertex_count > 3 * mesh.triangle_count:
-            return ""  # Draco has no such meshes
+            return ""  # a Draco file cannot hold such a mesh
         try:
             return await self._upload(mesh.draco(), server.upload_chunk_bytes, trace, deadline)
         except errors.NotFound:

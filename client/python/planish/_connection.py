@@ -27,11 +27,13 @@ def _invalid(message: str) -> InvalidArgument:
 
 @dataclass(frozen=True)
 class ConnectionOptions:
-    """Encryption and identity. None: the environment variable, as for the command."""
+    """How to encrypt a connection and identify the caller. None: as the environment variable says, which the command
+    ``planish`` reads too."""
 
-    #: Encrypt "host:port". Also on if one of the files is given. None: $PLANISH_TLS.
+    #: Whether to encrypt "host:port". Also encrypted if one of the files or the name below is given. None:
+    #: $PLANISH_TLS.
     tls: Optional[bool] = None
-    #: The certificate authority of the server's certificate, PEM; empty: the authorities that gRPC trusts. None: $PLANISH_TLS_CA.
+    #: The certificate authority of the server's certificate, PEM; empty: those that gRPC trusts. None: $PLANISH_TLS_CA.
     tls_ca_file: Optional[str] = None
     #: The caller's certificate and its key, PEM; both or none. None: $PLANISH_TLS_CERT and $PLANISH_TLS_KEY.
     tls_cert_file: Optional[str] = None
@@ -46,7 +48,7 @@ class ConnectionOptions:
     token_over_plaintext: bool = False
 
     def with_environment(self) -> "ConnectionOptions":
-        """The same with None replaced by the environment's values."""
+        """These options with each None replaced by the environment's value."""
         token, token_file = self.token, self.token_file
         if token is None and token_file is None:
             token_file = os.environ.get("PLANISH_TOKEN_FILE", "")
@@ -123,7 +125,7 @@ class Connection:
         self._token()
 
     def channel(self, module: Any) -> Any:
-        """A new channel, of `grpc` or of `grpc.aio`."""
+        """A new channel of `module`, which is `grpc` or `grpc.aio`."""
         arguments: List[Tuple[str, Any]] = [
             ("grpc.max_receive_message_length", -1),
             ("grpc.max_send_message_length", -1),
@@ -134,7 +136,7 @@ class Connection:
             # Notices a silently vanished peer within half a minute.
             ("grpc.keepalive_time_ms", 20000),
             ("grpc.keepalive_timeout_ms", 10000),
-            # Clients of different servers, or of a restarted one, must not share connections and their back-off.
+            # Clients of different servers, or of a restarted server, must not share connections and their back-off.
             ("grpc.use_local_subchannel_pool", 1),
             ("grpc.primary_user_agent", f"planish-python/{__version__}"),
         ]

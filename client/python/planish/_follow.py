@@ -19,7 +19,7 @@ from .mesh import PackedMesh
 from .result import Result, parse_uv
 from .v1 import job_pb2, planish_pb2
 
-#: How often a job is submitted again after it was lost with its stream.
+#: How many times a job is submitted again after it was lost with its stream.
 _MOST_LOST_JOBS = 3
 _TERMINAL = frozenset(
     {
@@ -33,14 +33,16 @@ _TERMINAL = frozenset(
 
 @dataclass(frozen=True)
 class Callbacks:
-    """Run one at a time, on the thread or in the event loop of the call. They should return quickly. An exception ends
-    the call, cancels an attached job, and comes out of the call."""
+    """Functions that a call runs one at a time, on its thread or in its event loop. They should return quickly. An
+    exception of a callback ends the call, cancels an attached job, and comes out of the call."""
 
     #: Called for every progress message.
     on_progress: Optional[Callable[[Progress], None]] = None
-    #: Every event, in order. If both connection and job are lost, events start again at 1 with the name of a new job.
+    #: Called for every event, in order. If both connection and job are lost, events start again at 1 with the name of a
+    #: new job.
     on_event: Optional[Callable[[Event], None]] = None
-    #: The connection broke or the server is full; called with the error and the seconds waited before the next attempt.
+    #: Called when the connection broke or the server is full, with the error and the seconds waited before the next
+    #: attempt.
     on_retry: Optional[Callable[[Error, float], None]] = None
 
 
@@ -64,13 +66,14 @@ class Control:
             self._job = name
 
     def cancel(self) -> str:
-        """The job to cancel on the server; empty if there is none yet, which the call then cancels once it exists."""
+        """Requests the cancellation. Returns the job to cancel on the server; empty if there is no job yet: the call
+        itself cancels the job once it exists."""
         with self._lock:
             self.cancelled.set()
             return self._job
 
     def stop(self) -> str:
-        """The same for stopping."""
+        """As :meth:`cancel`, for stopping the job."""
         with self._lock:
             self.stopped.set()
             return self._job
@@ -98,13 +101,13 @@ class Follower:
         self._deadline = deadline
         self._callbacks = callbacks
         self._unwrap = unwrap  # an UnwrapRequest, or None: `watch` is the name of an existing job
-        self._mesh = mesh  # of `unwrap`
+        self._mesh = mesh  # the mesh of `unwrap`
         self._wants_uv = wants_uv
         self._control = control or Control()
         self._patience = calls.patience_for_new_job(deadline)
         self._name = watch
         self._sequence = after_sequence
-        self._lost_stream = False  # of the current job
+        self._lost_stream = False  # a stream of the current job broke
         self._lost_jobs = 0
         self._abandons = False  # a callback raised
         self._sent = False  # the server may have `unwrap`
@@ -263,9 +266,9 @@ class Follower:
         self._name, self._sequence, self._lost_stream = "", 0, False
         self._control.job = ""
         self.job, self.uv = job_pb2.Job(), bytearray()
-        self._unwrap.request_id = new_request_id()  # the old one belongs to the lost job
+        self._unwrap.request_id = new_request_id()  # the old id belongs to the lost job
         if self._mesh is not None:
-            set_arrays(self._unwrap.spec, self._mesh)  # the upload may be lost with it
+            set_arrays(self._unwrap.spec, self._mesh)  # the upload may be lost with the job
 
     def _cancelled(self) -> Error:
         if self._unwrap is None:

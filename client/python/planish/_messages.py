@@ -23,9 +23,8 @@ def _class_of(descriptor: Any) -> Any:
 
 
 def build(module: Dict[str, Any], name: str, imports: "tuple[str, ...]", file: str) -> None:
-    """Adds the contents of a module `*_pb2` to `module`, its globals. `name`: of the .proto file; `imports`: the
-    modules of those that it
-    imports; `file`: its FileDescriptorProto, in base64."""
+    """Adds the contents of a module `*_pb2` to `module`, the globals of that module. `name`: of the .proto file;
+    `imports`: the modules of the files that it imports; `file`: its FileDescriptorProto, in base64."""
     for each in imports:
         importlib.import_module(each)
     pool = descriptor_pool.Default()

@@ -30,7 +30,7 @@ class Connected:
     """A connection to one server, made by the first call and re-established when lost. Pickling leaves the
     connection out."""
 
-    _control: Optional[Control] = None  # of an unwrap on its own thread
+    _control: Optional[Control] = None  # only for an unwrap on its own thread
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ def _new(kind: Type[Any], arguments: Tuple[Any, ...]) -> Any:
 
 
 class Methods:
-    """Over any transport."""
+    """The methods of a client, over any transport."""
 
     _calls: Calls
     _control: Optional[Control] = None
@@ -164,7 +164,8 @@ class Methods:
         on_event: Optional[Callable[[Event], None]] = None,
         on_retry: Optional[Callable[[Error, float], None]] = None,
     ) -> Job:
-        """Follows a job until it ends, in any state. Only events after `after_sequence`."""
+        """Follows a job until it ends, in any state, and returns it. Callbacks get only events after
+        `after_sequence`."""
         callbacks = Callbacks(on_progress, on_event, on_retry)
         return await _follow.watch(self._calls, job, callbacks, after_sequence=after_sequence, timeout=timeout)
 
@@ -183,8 +184,8 @@ class Methods:
         return await self._calls.read_result(job, offset, size)
 
     async def list_jobs(self, limit: int = 50, filter: str = "") -> List[Job]:
-        """Newest first, at most `limit` (0: all), without reports. `filter` as in planish.v1.ListJobs, for instance
-        ``'state = RUNNING AND labels.file = "night/*"'``; empty: all."""
+        """The jobs, newest first, at most `limit` (0: all), without reports. `filter` as in planish.v1.ListJobs, for
+        instance ``'state = RUNNING AND labels.file = "night/*"'``; empty: all."""
         return await self._calls.list_jobs(limit, filter)
 
     async def stop_job(self, job: str) -> Job:
@@ -204,7 +205,7 @@ class Methods:
     async def estimate(
         self, /, triangles: int, vertices: int = 0, *, options: Optional[UnwrapOptions] = None, **more: Any
     ) -> JobEstimate:
-        """What unwrapping a mesh of this size would need. `vertices` 0: half as many as triangles."""
+        """Estimates what unwrapping a mesh of this size would need. `vertices` 0: half as many as triangles."""
         job = new_job(None, None, options, None, None, "", more)
         return await self._calls.estimate(job, triangles, vertices)
 
@@ -214,7 +215,7 @@ class Methods:
 
 
 class Controlled(Methods):
-    """For one call that other threads may cancel or stop."""
+    """The methods for one call that other threads may cancel or stop."""
 
     def __init__(self, calls: Calls, control: Control) -> None:
         self._calls = calls

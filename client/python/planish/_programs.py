@@ -14,7 +14,8 @@ def own_program(name: str) -> Optional[str]:
     """The path of ``planishd`` or ``planish`` in this package. None if it has none; the wheel for Linux has both."""
     root = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_server")
     program = os.path.join(root, "bin", name)
-    # Some unpackers of wheels, such as Blender, do not keep the modes of files. One program starts the other.
+    # Some unpackers of wheels, such as Blender's, do not keep the modes of files. Sets those of all parts, since one
+    # program starts the other.
     parts = [os.path.join(root, "lib", "loader")] + [
         os.path.join(root, folder, each) for folder in ("bin", "libexec") for each in ("planish", "planishd")
     ]

@@ -21,10 +21,14 @@ _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions
 class NewJob:
     """A mesh and how to unwrap it."""
 
-    positions: Any  #: (V, 3), real numbers in any unit; they travel in single precision, doubles far from the origin less a common point
+    #: (V, 3), real numbers in any unit. They are sent in single precision; from doubles far from the origin, a common
+    #: point is subtracted first.
+    positions: Any
     triangles: Any  #: (F, 3), integers: three vertices each, 0-based, counter-clockwise seen from outside
     seam_edges: Any = None  #: (E, 2): pairs of vertices between which a given seam runs
-    seam_corners: Any = None  #: corner 3 f + k faces the edge between the other two corners of triangle f: a given seam
+    #: Corners that face edges at which a given seam runs: corner 3 f + k, the k-th of triangle f, faces the edge
+    #: between the other two.
+    seam_corners: Any = None
     parts: Any = None  #: (F,), integers: a given seam runs wherever the labels of two triangles differ
     uncut_corners: Any = None  #: corners that face edges at which no seam is added
     #: (F,), integers below F: the polygon that each triangle comes from. A polygon is never cut, so that each of its
@@ -92,7 +96,8 @@ def set_arrays(spec: Any, mesh: PackedMesh) -> None:
 
 
 def spec_message(job: NewJob, mesh: Optional[PackedMesh], upload: str = "") -> Any:
-    """The JobSpec: without a mesh if that is None, with the name of the upload if there is one."""
+    """The JobSpec of a job. `mesh` None: the spec has no mesh. `upload`: the name of the uploaded mesh; empty: the spec
+    holds the mesh itself."""
     spec = planish_pb2.JobSpec()
     if mesh is not None:
         if upload:

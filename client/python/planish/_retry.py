@@ -10,9 +10,9 @@ from typing import Optional
 from . import errors
 from ._status import is_from_server
 
-#: Between attempts to reach a lost server.
+#: The longest pause between attempts to reach a lost server.
 LONGEST_PAUSE_SECONDS = 5.0
-#: Between attempts to get room on a full server that gives no retry delay.
+#: The pause between attempts to get room on a full server that gives no longer retry delay.
 _SHORTEST_ROOM_PAUSE_SECONDS = 0.05
 
 
@@ -55,24 +55,24 @@ class Deadline:
 
 
 def is_broken(error: errors.Error) -> bool:
-    """Whether the connection broke. False for errors that the server returned."""
+    """Whether the connection broke or the server is unavailable. False for other errors that the server returned."""
     if isinstance(error, errors.Unavailable):
         return True
     if error.reason == "UPLOAD_BUSY":
-        return True  # by a broken call that the server has not noticed yet
+        return True  # the server has not noticed yet that the call which wrote the upload broke
     # Resets and broken frames come from the transport; errors of the server have their own reason.
     return not is_from_server(error) and error.code in ("INTERNAL", "UNKNOWN")
 
 
 def asks_to_wait(error: errors.Error) -> bool:
-    """Whether the server is full and says so."""
+    """Whether the server is full and asks to try again later."""
     if not isinstance(error, errors.ResourceExhausted):
         return False
     return error.retry_after_seconds > 0 or error.reason == "QUEUE_FULL"
 
 
 class Patience:
-    """The patience of one call, over all its attempts.
+    """Decides how long one call waits before each of its attempts, and when it gives up.
 
     `lost_seconds`, `room_seconds`: how long to wait for a lost server, and for a full one.
     """
@@ -85,16 +85,16 @@ class Patience:
         self._attempts = 0
         self._lost_since: Optional[float] = None
         self._waited_for_room = 0.0
-        #: A private server has been restarted for this call.
+        #: Whether a private server has been restarted for this call.
         self.has_revived = False
 
     def succeeded(self) -> None:
-        """After progress: limits count from the next error on."""
+        """To be called after progress: the time for a lost server counts from the next error on."""
         self._attempts = 0
         self._lost_since = None
 
     def pause(self, error: errors.Error, *, reached: bool, target: str) -> float:
-        """Seconds to wait before the next attempt. Raises if there should be none.
+        """Seconds to wait before the next attempt. Raises an error if there should be no further attempt.
 
         `reached`: the server has answered this client before. A server that was never reached will hardly appear soon.
         """

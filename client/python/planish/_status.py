@@ -48,7 +48,7 @@ def error_of_call(rpc_error: Any, connection: Connection, reached: bool) -> erro
     if number == 14:
         return _unreachable(message, connection, reached)
     if number == 1:
-        # Nobody here waits for a call that was cancelled here, so the server ended it: it is shutting down.
+        # A caller that cancels a call does not wait for it. So the server ended this call: it is shutting down.
         return errors.Unavailable(
             f"the planish server at {connection.target} ended the call", reason="CONNECTION_LOST"
         )

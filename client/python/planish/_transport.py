@@ -50,11 +50,11 @@ class Stream:
 
 
 class Transport:
-    """Makes calls to one server. All of them raise :class:`planish.Error`."""
+    """Makes calls to one server. All calls raise :class:`planish.Error`."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
-        #: The server has answered before.
+        #: Whether the server has answered before.
         self.reached = False
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
@@ -80,15 +80,15 @@ class Transport:
 # Forks ------------------------------------------------------------------------------------------------------------------
 
 _transports: "weakref.WeakSet[Any]" = weakref.WeakSet()
-# This process has a channel, or was forked from one that had: gRPC does not survive that.
+# Whether this process has a channel, or was forked from a process that had one: gRPC does not work after such a fork.
 _has_channel = False
 _was_forked = False
-# Closing a parent's channels would wait for threads that do not exist here.
+# Keeps a parent's channels open: closing them would wait for threads that do not exist here.
 _left_by_parent: List[Any] = []
 
 
 def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any, Any]:
-    """A channel and its stub; in a helper process if gRPC cannot be used in this one."""
+    """A channel and its stub, or a bridge to a helper process and its stub if this process cannot use gRPC."""
     global _has_channel
     if _was_forked:
         bridge = Bridge(connection)

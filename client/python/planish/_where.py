@@ -11,7 +11,7 @@ from ._connection import ConnectionOptions
 from ._retry import RetryPolicy
 from .private_server import default_server
 
-#: A lost private server returns at once (private_server.revive()), or not at all.
+#: How long to wait for a lost private server, which returns at once (private_server.revive()) or not at all.
 _PRIVATE_PATIENCE_SECONDS = 5.0
 
 
@@ -27,7 +27,8 @@ class Server:
 def server_of(
     target: Optional[str], connection: Optional[ConnectionOptions], retry: Optional[RetryPolicy]
 ) -> Server:
-    """`target` None: $PLANISH_SERVER, else the private server of this process, which needs no credentials."""
+    """The server at `target`; None: at $PLANISH_SERVER, else the private server of this process, which needs no
+    credentials."""
     retry = retry or RetryPolicy()
     named = target if target is not None else os.environ.get("PLANISH_SERVER", "")
     if named:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
 
-_MOST_NAMED = 4  # of each kind, in str(error)
+_MOST_NAMED = 4  # ids of each kind that str(error) names
 
 
 class Error(Exception):
@@ -62,12 +62,12 @@ class Error(Exception):
 
     @property
     def vertices(self) -> List[int]:
-        """Ids of the vertices at fault, likewise limited."""
+        """Ids of the vertices at fault; only the first few if there are many."""
         return self._ids("vertex", "vertices")
 
     @property
     def edges(self) -> List[Tuple[int, int]]:
-        """The edges at fault, as pairs of vertices, likewise limited."""
+        """The edges at fault, as pairs of vertices; only the first few if there are many."""
         pairs = re.findall(r"(\d+)-(\d+)", ",".join(self.metadata.get(key, "") for key in ("edge", "edges")))
         return [(int(a), int(b)) for a, b in pairs]
 
@@ -203,7 +203,7 @@ class Unauthenticated(Error):
     code = "UNAUTHENTICATED"
 
 
-# By the number of google.rpc.Code.
+# The classes by the number of google.rpc.Code.
 _CLASSES: Dict[int, Type[Error]] = {
     1: Cancelled,
     2: Error,

@@ -1,8 +1,8 @@
 """Inputs and outputs of jobs, as plain dataclasses.
 
-Enumerations are strings, spelled as the command spells them: ``"auto"``, ``"solve"``; states of jobs are in capitals. A value
-that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``; the classes of options and
-reports are made of them by the build.
+Enumerations are strings, spelled as the command spells them: ``"auto"``, ``"solve"``; states of jobs are in capitals. A
+value that only a newer server knows is ``"unknown"``. Field for field these are the messages of ``planish.v1``; the
+build makes the classes of options and reports from these messages.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Scheduling:
 
 @dataclass(frozen=True)
 class StageSeconds(StageTimes):
-    """Wall-clock seconds. Those of the stages are the server's; the rest is as this client saw it."""
+    """Wall-clock seconds. The server measured the stages, and this client the rest."""
 
     upload: float = 0.0  #: check, send, accept
     download: float = 0.0
@@ -69,7 +69,7 @@ class JobWarning:
 
 @dataclass(frozen=True)
 class Report(ReportFields):
-    """What became of the mesh."""
+    """What the server reports of a job that SUCCEEDED."""
 
     triangles: int = 0
     vertices: int = 0
@@ -104,7 +104,7 @@ class Job:
     progress: Optional[Progress] = None  #: while RUNNING or STOPPING
     error: Optional[JobError] = None  #: when FAILED
     report: Optional[Report] = None  #: when SUCCEEDED
-    attempts: int = 0  #: times that a worker began with it
+    attempts: int = 0  #: how many times a worker began to run it
     stop_requested: bool = False
     cancel_requested: bool = False
     result_of: str = ""  #: the job whose result it shares; or empty
@@ -136,7 +136,7 @@ class JobEstimate:
     memory_bytes: int = 0  #: reserved while it runs
     run_time_seconds: float = 0.0  #: on one idle core, roughly
     queue_time_seconds: float = 0.0  #: until a job created now would start, roughly
-    refusal: Optional[JobError] = None  #: what creating it now would be refused with
+    refusal: Optional[JobError] = None  #: the error with which the server would refuse the job now; or None
 
 
 @dataclass(frozen=True)
@@ -147,12 +147,12 @@ class Capabilities:
     max_mesh_bytes: int = 0
     workers: int = 0
     queue_capacity: int = 0
-    threads: int = 0  #: that a job may use at most
+    threads: int = 0  #: the most that a job may use
     max_triangles: int = 0
-    memory_bytes: int = 0  #: that running jobs may reserve together
-    upload_chunk_bytes: int = 0  #: of one piece of an upload
+    memory_bytes: int = 0  #: the most that running jobs may reserve together
+    upload_chunk_bytes: int = 0  #: size of one piece of an upload
     inline_mesh_bytes: int = 0  #: meshes larger than this are better uploaded in pieces
-    reattach_grace_seconds: float = 0.0  #: that the job of a caller that went away waits for it to come back
+    reattach_grace_seconds: float = 0.0  #: how long the job of a caller that went away waits for its return
     durable: bool = False  #: jobs, meshes and results outlive a restart of the server
     isolated_workers: bool = False  #: jobs run in processes of their own
 
@@ -220,7 +220,7 @@ def _value(message: Any, descriptor: Any) -> Any:
     if descriptor.enum_type is not None:
         return enum_name(descriptor.enum_type, value)
     if descriptor.message_type is None:
-        # An optional field that is not set.
+        # None for an optional field that is not set.
         return value if descriptor.containing_oneof is None or message.HasField(descriptor.name) else None
     name = descriptor.message_type.full_name
     if name == "google.protobuf.Duration":
@@ -235,7 +235,7 @@ def _value(message: Any, descriptor: Any) -> Any:
 
 
 def _job_error(status: Any) -> JobError:
-    from ._status import error_of_status  # that module needs ours
+    from ._status import error_of_status  # imports gRPC, which nothing else here needs
 
     error = error_of_status(status)
     return JobError(error.code, error.reason, error.message, error.metadata)

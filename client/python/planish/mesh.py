@@ -33,7 +33,7 @@ class PackedMesh:
 
     @property
     def byte_count(self) -> int:
-        """Its size, as counted by the server's limit."""
+        """The size of the mesh in bytes, as the server's limit counts it."""
         return len(self.positions) + len(self.triangles) + sum(values.nbytes for values in self.elements.values())
 
     def sha256(self) -> bytes:
@@ -54,7 +54,7 @@ class PackedMesh:
         vertices = self.vertex_count
         header = b"DRACO" + bytes([2, 2, 1, 0, 0, 0])  # a mesh, sequential, no flags
         counts = _varint(self.triangle_count) + _varint(vertices) + b"\1"  # indices not compressed
-        attribute = bytes([1, 1, 0, 9, 3, 0, 0, 0])  # of one decoder one: POSITION, FLOAT32, 3, not normalized, id 0, raw
+        attribute = bytes([1, 1, 0, 9, 3, 0, 0, 0])  # 1 decoder, 1 attribute: POSITION, FLOAT32, 3, plain, id 0, raw
         return b"".join([header, counts, _draco_indices(self.indices, vertices), attribute, self.positions])
 
 
@@ -105,7 +105,7 @@ def _varint(number: int) -> bytes:
 
 
 def _draco_indices(faces: Any, vertices: int) -> bytes:
-    """Indices with Draco's width for this many vertices."""
+    """The indices in the width that Draco has for this many vertices."""
     if vertices >= 1 << 21:
         return faces.astype("<u4").tobytes()  # type: ignore[no-any-return]
     if vertices >= 1 << 16:  # as varints, of three bytes at most
@@ -128,7 +128,7 @@ def _refused(argument: str, message: str, reason: str, metadata: Optional[Dict[s
 def _as_array(argument: str, value: Any, kinds: str, wanted: str, reason: str) -> Any:
     try:
         array = np.asarray(value)
-    except Exception as error:  # of whatever library made the value
+    except Exception as error:  # any exception of the library that made the value
         raise _refused(argument, f" cannot be read as an array: {error}", reason) from error
     if array.dtype.kind not in kinds and not (array.size == 0 and array.dtype.kind == "f"):
         raise _refused(argument, f" must be {wanted}, not {array.dtype}", reason)
@@ -218,7 +218,7 @@ def _corners(argument: str, value: Any, faces: int) -> Any:
 
 
 def _of_faces(argument: str, value: Any, faces: int, kinds: str, wanted: str, low: float, high: float) -> Any:
-    """One number for each triangle, or none at all."""
+    """Checks an array with one number for each triangle, and returns it; an empty one for None."""
     if value is None:
         return np.zeros(0)
     array = _as_array(argument, value, kinds, wanted, "OPTIONS_INVALID")
@@ -245,8 +245,8 @@ def _edge_keys(faces: Any) -> Any:
 
 
 def _corners_of_edges(seam_edges: Any, faces: Any, polygon: Any) -> Any:
-    """A corner that faces each of the edges. Those of a polygon's diagonal are left out; `polygon` is empty, or says whose triangle
-    each face is."""
+    """For each of the edges, a corner that faces it. Diagonals of polygons do not count as edges; `polygon` is empty,
+    or has the polygon of each face."""
     array = _as_array("seam_edges", seam_edges, "iu", "integers", "OPTIONS_INVALID")
     if array.size == 0:
         return np.zeros(0, np.int32)
@@ -272,7 +272,7 @@ def _corners_of_edges(seam_edges: Any, faces: Any, polygon: Any) -> Any:
 
 
 def _is_diagonal(edge_of_corner: Any, polygon: Any) -> Any:
-    """Whether the edge that each corner faces has another triangle of the same polygon."""
+    """Whether the edge that each corner faces lies between two triangles of the same polygon."""
     result = np.zeros(len(edge_of_corner), bool)
     if len(polygon) == 0:
         return result
@@ -304,17 +304,18 @@ def _corners_between_parts(parts: Any, faces: Any) -> Any:
 class VertexSplit:
     """A mesh whose vertices have one UV each, as renderers and most file formats want them.
 
-    The vertices that came in keep their numbers; those with several UV, at seams, get a copy behind all of them for each
-    further one. An attribute is carried over by ``attribute[split.source_vertex]``.
+    The given vertices keep their numbers. A vertex with several UV, at a seam, gets a copy for each further UV; the
+    copies come after all given vertices. An attribute is carried over by ``attribute[split.source_vertex]``.
     """
 
-    source_vertex: npt.NDArray[np.uint32]  #: (V',): the vertex that came in; 0, 1, 2, ... to begin with
-    triangles: npt.NDArray[np.uint32]  #: (F, 3), in the order that came in
-    uv: npt.NDArray[Any]  #: (V', 2), of the type that came in; (0, 0) for vertices without a triangle
+    source_vertex: npt.NDArray[np.uint32]  #: (V',): the given vertex of each vertex; begins with 0, 1, 2, ...
+    triangles: npt.NDArray[np.uint32]  #: (F, 3), in the given order
+    uv: npt.NDArray[Any]  #: (V', 2), of the given type; (0, 0) for vertices without a triangle
 
 
 def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
-    """UV per corner, (F, 3, 2) as :attr:`Result.uv`, to UV per vertex. Needs no server; raises :class:`planish.ArrayError`.
+    """Converts UV per corner, (F, 3, 2) as :attr:`Result.uv`, to UV per vertex. Needs no server. Raises
+    :class:`planish.ArrayError`.
 
     Corners of a vertex share a new vertex if their UV are equal (0 and -0 alike).
     """
@@ -327,10 +328,10 @@ def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
     order = np.lexsort((flat[:, 1], flat[:, 0], vertex))
     v, p = vertex[order], flat[order]
     is_new = np.r_[True, (v[1:] != v[:-1]) | (p[1:] != p[:-1]).any(axis=1)]
-    group = np.cumsum(is_new) - 1  # of each corner in `order`: the pairs (vertex, UV)
+    group = np.cumsum(is_new) - 1  # per corner in `order`: the number of its pair (vertex, UV)
     first = order[is_new]  # the sort is stable: the first corner of each pair
     owner = vertex[first]
-    # Of the pairs of one vertex, which are consecutive, the one that comes first in the mesh keeps the vertex's number.
+    # Of the pairs of one vertex, which are consecutive, that which comes first in the mesh keeps the vertex's number.
     starts = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
     keeps = first == np.repeat(np.minimum.reduceat(first, starts), np.diff(np.r_[starts, len(owner)]))
     number = np.empty(len(first), np.int64)
@@ -353,7 +354,7 @@ def chart_of_faces(split: VertexSplit) -> npt.NDArray[np.int64]:
     while True:
         low = label[faces].min(axis=1)
         before = label.copy()
-        # Each vertex takes the lowest label of its triangles, and passes it on to the label's own vertex.
+        # Each vertex takes the lowest label of its triangles; so does the vertex whose number was its label.
         order = np.argsort(-low, kind="stable")
         for k in range(3):
             target = faces[order, k]

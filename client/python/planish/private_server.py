@@ -17,9 +17,9 @@ from typing import Any, Callable, List, Optional, Sequence
 from ._programs import is_program, own_program
 from .errors import Unavailable
 
-# The server drains without grace when it is stopped; one that hangs is killed after this time.
+# The server drains without grace when it is stopped. If it hangs, it is killed after this time.
 _STOP_SECONDS = 5.0
-# A socket's path must stay below 108 bytes, with its name.
+# The longest folder for a server's directory: the path of the socket must stay below 108 bytes.
 _LONGEST_BASE = 60
 
 
@@ -28,10 +28,10 @@ def _failed(message: str) -> Unavailable:
 
 
 def find_planishd() -> Optional[str]:
-    """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else the one in this package's wheel, else the one beside
-    the running Python, else the one in PATH.
+    """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else the one in this package's wheel, else
+    the one beside the running Python, else the one in PATH.
 
-    None if there is none; where $PLANISHD is set, nothing else is looked at.
+    None if there is none. If $PLANISHD is set, only that is tried.
     """
     named = os.environ.get("PLANISHD", "")
     if named:
@@ -46,7 +46,7 @@ def find_planishd() -> Optional[str]:
 
 
 class _Running:
-    """The resources to clean up."""
+    """A planishd, and what must be cleaned up after it: directory, log and socket."""
 
     def __init__(self, executable: str) -> None:
         self.executable = executable
@@ -54,7 +54,7 @@ class _Running:
         self.directory = _new_directory()
         self.log = tempfile.TemporaryFile()
         self.process: Optional["subprocess.Popen[bytes]"] = None
-        # Its end of file tells planishd that this process is gone.
+        # planishd holds `theirs`, and reads end of file from it once this process is gone.
         self.supervisor, self.theirs = socket.socketpair()
         _running.add(self)
 
@@ -88,7 +88,7 @@ class _Running:
                     stderr=self.log,
                     pass_fds=[self.theirs.fileno()],
                     env=environment,
-                    start_new_session=True,  # Ctrl-C is handled by this process first
+                    start_new_session=True,  # Ctrl-C must not reach the server: this process handles it
                 )
         except OSError as error:
             raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
@@ -142,11 +142,12 @@ class _Running:
 
 
 class PrivateServer:
-    """Runs ``planishd`` on a Unix socket that only this user can reach. It ends with :meth:`close`, with this object, and with
-    this process however that ends. A context manager. A forked child may use the server, but does not own it.
+    """Runs ``planishd`` on a Unix socket that only this user can reach. The server ends with :meth:`close`, with this
+    object, and with this process, however that ends. A context manager. A forked child may use the server, but does not
+    own it.
 
-    Raises :class:`planish.Unavailable` (PRIVATE_SERVER_FAILED) if ``planishd`` is not found, or dies or stays silent while it
-    starts; the message ends with what it wrote to stderr.
+    Raises :class:`planish.Unavailable` (PRIVATE_SERVER_FAILED) if ``planishd`` is not found, or dies or stays silent
+    while it starts; the message ends with what ``planishd`` wrote to stderr.
     """
 
     def __init__(
@@ -158,8 +159,9 @@ class PrivateServer:
         start_timeout_seconds: float = 10.0,
         extra_arguments: Sequence[str] = (),
     ) -> None:
-        """`executable`: None: as :func:`find_planishd`. `workers`: jobs that run at a time. `threads`: that a job may use; None:
-        the cores of this machine, divided by `workers`. `extra_arguments`: flags of ``planishd``."""
+        """`executable` None: that of :func:`find_planishd`. `workers`: how many jobs run at a time. `threads`: how many
+        a job may use; None: the cores of this machine, divided by `workers`. `extra_arguments`: flags of
+        ``planishd``."""
         self.executable = executable or find_planishd() or ""
         if not self.executable:
             named = os.environ.get("PLANISHD", "")
@@ -189,7 +191,7 @@ class PrivateServer:
 
     @property
     def pid(self) -> int:
-        """Of planishd; 0 after :meth:`close`."""
+        """The process id of planishd; 0 after :meth:`close`."""
         process = self._running.process
         return 0 if process is None else process.pid
 
@@ -206,7 +208,7 @@ class PrivateServer:
             self._running.start_again()
 
     def log(self) -> str:
-        """Its stderr so far."""
+        """What planishd has written to stderr so far."""
         return self._running.read_log()
 
     def close(self) -> None:
@@ -253,10 +255,10 @@ _default: Optional[PrivateServer] = None
 
 def default_server() -> PrivateServer:
     """The private server of this process, for clients without a target. Started by the first call, ended with Python.
-    One that has crashed is restarted, at the same address. Forked children share the server of their parent, if the
-    parent had one by then.
+    If the server has crashed, it is restarted at the same address. Forked children share the server of their parent, if
+    the parent had one by then.
 
-    It has a worker for each two cores, at most four: callers of several threads share it.
+    The server has one worker for every two cores, at most four, since callers on several threads share it.
     """
     global _default
     with _lock:
@@ -268,8 +270,9 @@ def default_server() -> PrivateServer:
 
 
 def revive(target: str, was_revived: bool) -> bool:
-    """Starts the server of this process again if it is the one at `target` and has crashed; whether it did so. `was_revived`: for the
-    same call. Then the call may be why it crashes: raises :class:`planish.Unavailable`."""
+    """Restarts the private server of this process if it is the server at `target` and has crashed. Returns whether it
+    was restarted. `was_revived`: it was restarted for the same call before. Then the call may be why it crashes: raises
+    :class:`planish.Unavailable`."""
     with _lock:
         server = _default
         if server is None or server.pid == 0 or server.target != target or server.is_running:
@@ -292,7 +295,8 @@ def close_default_server() -> None:
 def _after_fork_in_child() -> None:
     global _lock
     _lock = threading.Lock()
-    # The server runs as long as any process holds its end of the socket, but it must end with the parent.
+    # The server runs as long as any process holds this end of the socket. A child closes its copy, since the server
+    # must end with the parent.
     for running in list(_running):
         running.supervisor.close()
 

@@ -1,4 +1,4 @@
-"""Images that move from one map to another. The command ``planish`` does it: there is one resampler."""
+"""Moves images from one map to another, by the command ``planish``, which has the only resampler."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _Path = Union[str, "os.PathLike[str]"]
 
 
 def find_command() -> Optional[str]:
-    """The command ``planish``: the one that ``PLANISH_COMMAND`` names, the one that this package brings, or one in ``PATH``."""
+    """The command ``planish``: the one that ``PLANISH_COMMAND`` names, else the one in this package, else one in
+    ``PATH``. None if there is none."""
     named = os.environ.get("PLANISH_COMMAND")
     if named:
         return named if is_program(named) else None
@@ -36,14 +37,15 @@ def transfer(
     command: Optional[str] = None,
     timeout: Optional[float] = None,
 ) -> Dict[str, Any]:
-    """Files in, files out: writes ``source`` with the UV of ``target``, and its images drawn for them. Both are files with
-    the same triangles.
+    """Writes the file ``output``: ``source`` with the UV of ``target``, and with its images resampled for these UV. The
+    files ``source`` and ``target`` must have the same triangles.
 
-    With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with the
-    colours and normals of ``source`` as images. ``cage``: how far apart they may be, in percent of target's diagonal.
+    With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with
+    the colours and normals of ``source`` as images. ``cage``: how far apart the surfaces may be, in percent of the
+    diagonal of ``target``.
 
-    ``merge_materials``: materials of a glTF that differ only in images and factors become one. ``bake_colors``: the colours
-    of vertices are painted into an image of base colours. Neither goes with ``project``.
+    ``merge_materials``: materials of a glTF that differ only in images and factors become one. ``bake_colors``: the
+    colours of vertices are painted into an image of base colours. Neither goes with ``project``.
 
     Returns what ``planish transfer --json`` prints: ``triangles``, ``seconds``, ``files``, ``warnings``.
     """

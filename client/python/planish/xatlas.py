@@ -121,7 +121,7 @@ def _options(chart: ChartOptions, pack: PackOptions) -> UnwrapOptions:
 
 
 def _array(name: str, value: Any, dtype: Any, columns: int, rows: Optional[int] = None) -> Any:
-    """Converts and checks arguments like the binding."""
+    """Converts and checks arguments as the binding does."""
     array = np.ascontiguousarray(value, dtype=dtype)
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueError(f"{name} array expected to be Nx{columns}.")
@@ -297,7 +297,7 @@ class Atlas:
 
 
 def _compact(split: VertexSplit) -> VertexSplit:
-    """Without unused vertices, as in xatlas."""
+    """`split` without unused vertices, as in xatlas."""
     used = np.zeros(len(split.source_vertex), bool)
     used[split.triangles.reshape(-1)] = True
     if used.all():
@@ -311,7 +311,8 @@ def _no_faces(faces: Any) -> VertexSplit:
 
 
 def parametrize(positions: Any, indices: Any, normals: Any = None, uvs: Any = None) -> Mesh:
-    """One mesh with default options: :meth:`Atlas.add_mesh`, :meth:`Atlas.generate`, :meth:`Atlas.get_mesh`."""
+    """Unwraps one mesh with default options, by :meth:`Atlas.add_mesh`, :meth:`Atlas.generate` and
+    :meth:`Atlas.get_mesh`."""
     atlas = Atlas()
     atlas.add_mesh(positions, indices, normals, uvs)
     atlas.generate()

@@ -11,7 +11,7 @@ export interface ChartInfo {
 export interface Finding {
   kind: string;
   text: string;
-  fault?: number; // the bit of Faces.faults
+  fault?: number; // its bit in MapData.faults
   charts?: number[];
   faces?: number[]; // triangles
 }
@@ -22,9 +22,9 @@ export interface MapInfo {
   places: number;
   textureSize: number;
   padding: number; // texels
-  tiles: number[]; // that hold something
-  low: [number, number, number]; // of the surface's box
-  size: number; // its longest side
+  tiles: number[]; // numbers of the tiles that hold something
+  low: [number, number, number]; // lowest corner of the surface's bounding box
+  size: number; // longest side of that box
   uvLow: [number, number];
   uvSize: number; // of a square round the map
   charts: ChartInfo[]; // from the section "charts"
@@ -43,8 +43,8 @@ export interface ChartSolve {
   converged: boolean;
   newton_iterations: number;
   stretch_l2: number;
-  residual: number; // the largest when it ended
-  steps?: number[]; // the largest where Newton's method began and after each step; not of every chart
+  residual: number; // the largest at the end
+  steps?: number[]; // the largest residual at the start and after each Newton step; only some charts have it
 }
 
 export interface Unwrap {
@@ -72,11 +72,11 @@ export interface MapData {
   stretch: Uint8Array; // 0 to 254: log2 from 0 to 4; 255: no area
   angle: Uint8Array; // 0 to 254: the root of the error over 180 degrees
   faults: Uint8Array;
-  polygon: Uint32Array; // of the file
+  polygon: Uint32Array; // per triangle: its polygon in the file
   material: Int32Array; // -1: none
   outline: Uint32Array; // half-edges: corner c faces the edge
   visibility: Uint8Array; // per triangle, 0 to 254: the share of its surroundings that is open
-  seams: Uint8Array; // of each half-edge of the outline, the same; 255: the surface ends there
+  seams: Uint8Array; // per half-edge of the outline: as visibility; 255: the surface ends there
 }
 
 export const STRETCH_RANGE = 4;
@@ -107,7 +107,8 @@ class Reader {
   }
 }
 
-// Interleaved numbers of 16 bits from planes: for each component the low bytes of the differences, then the high ones.
+// Decodes interleaved numbers of 16 bits. For each component `bytes` has the differences between successive numbers, as
+// zigzag codes: first the low bytes of all codes, then the high bytes.
 function fromPlanes(bytes: Uint8Array, count: number, components: number): Uint16Array {
   const values = new Uint16Array(count * components);
   for (let k = 0; k < components; ++k) {

@@ -78,7 +78,7 @@ async function start(): Promise<void> {
     mode: 'checker', wireframe: false, seams: true, padding: true, shown: page.maps.map((_, i) => i),
     isDark: matchMedia('(prefers-color-scheme: dark)').matches, selected: null, hovered: null,
   };
-  // Both maps by the same scales, which end where a fiftieth of the triangles is beyond.
+  // Both maps have the same colour scales, which 2 % of the triangles may exceed.
   const stretchTop = Math.max(0.25, ...models.map((m) => (m.quantile(m.data.stretch, 0.98) / 254) * STRETCH_RANGE));
   const angleTop = Math.max(2, ...models.map((m) => angleOf(m.quantile(m.data.angle, 0.98))));
 
@@ -128,7 +128,7 @@ async function start(): Promise<void> {
     models.forEach((model, i) => model.setMarked(i === map ? faces : []));
     state.selected = null;
     if (!state.shown.includes(map)) show([map]);
-    // The first connected thing, not the middle of all of them.
+    // Flies to the first of many triangles, since the middle of all of them may be somewhere else.
     viewer.flyTo(map, finding.charts !== undefined || faces.length <= 4 ? faces : faces.slice(0, 1));
     apply();
   };
@@ -159,7 +159,7 @@ async function start(): Promise<void> {
     }
     viewer.redraw();
   };
-  // Rings round the triangle in every view, as it may be smaller than a pixel.
+  // Draws rings round the hovered triangle in every view, as it may be smaller than a pixel.
   viewer.onDraw = () => {
     const rings: string[] = [], face = state.hovered?.face ?? -1;
     for (const map of state.shown) {

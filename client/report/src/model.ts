@@ -26,10 +26,11 @@ function dataTexture<T extends Numbers>(
   return texture;
 }
 
-// Normals of the surface at each place, averaged where places have the same position, as two bytes of an octahedron.
+// Normals of the surface at each place, averaged where places have the same position. Each is two bytes, which unfold
+// an octahedron.
 function packedNormals(data: MapData): Uint16Array {
   const { positions, indices, info } = data;
-  // Places at one position share the first of them.
+  // Per place: the first place at the same position.
   let size = 1;
   while (size < 2 * info.places) size *= 2;
   const slots = new Int32Array(size).fill(-1);
@@ -84,13 +85,13 @@ function integers(values: Numbers, components: number): THREE.BufferAttribute {
   return attribute;
 }
 
-// Triangles over places, each with a provoking vertex of its own: the flat values of a triangle come from that vertex. A
-// place serves one of its triangles; where all three of a triangle are taken, one is there once more.
+// The triangles, each with a provoking vertex of its own, from which its flat values come. A place can be the provoking
+// vertex of one triangle; if all three places of a triangle are taken, the last one is copied.
 function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): THREE.BufferGeometry {
   const { indices, uv, info } = data, n = info.triangles;
   const taken = new Uint8Array(info.places);
   let copies = 0;
-  const provoking = new Uint8Array(n); // 3: a copy of the last
+  const provoking = new Uint8Array(n); // corner of each triangle; 3: a copy of the last corner
   for (let f = 0; f < n; ++f) {
     let k = 0;
     while (k < 3 && taken[indices[3 * f + k]!]) ++k;
@@ -123,7 +124,7 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   return geometry;
 }
 
-// The map of the whole page is drawn by one set of uniforms: modes and marks are the same in both views.
+// One map. Both views draw it with the same uniforms, so modes and marks are the same in both.
 export class MapModel {
   readonly surface = new THREE.Scene();
   readonly layout = new THREE.Scene();
@@ -140,7 +141,7 @@ export class MapModel {
   private readonly geometry: THREE.BufferGeometry;
   private wires: THREE.LineSegments[] = []; // made when they are first asked for
 
-  // firstProvokes: which vertex of a triangle its flat values come from, the first or the last.
+  // firstProvokes: whether the flat values of a triangle come from its first vertex; otherwise from its last one.
   constructor(readonly data: MapData, firstProvokes: boolean) {
     const { info } = data;
     const size = new THREE.Vector3(1, 1, 1).multiplyScalar(info.size);
@@ -284,11 +285,11 @@ export class MapModel {
   setWireframe(isOn: boolean): void {
     if (isOn && this.wires.length === 0) this.makeWires();
     for (const wires of this.wires) wires.visible = isOn;
-    if (isOn) this.surfaceLines.visible = true; // which are edges too
+    if (isOn) this.surfaceLines.visible = true; // seams are edges too
   }
 
-  // An edge between two triangles runs one way in the one and the other way in the other: it is drawn once. Edges of one
-  // triangle are outlines, which are drawn anyway.
+  // Takes the edges that run from the lower place to the higher one. An edge between two triangles runs in opposite
+  // directions in the two, and so is taken once. Edges of a single triangle are outlines, which are drawn anyway.
   private makeWires(): void {
     const { indices, info } = this.data;
     const edges = new Uint32Array(6 * info.triangles);
@@ -329,7 +330,7 @@ export class MapModel {
   setSelected(chart: number): void {
     this.uniforms.uSelected!.value = chart;
   }
-  // Half of the padding on either side of every outline.
+  // Shows half of the padding on either side of every outline.
   setPadding(isShown: boolean): void {
     const { padding, textureSize } = this.data.info;
     this.paddingMesh.visible = isShown && padding > 0;
@@ -380,7 +381,7 @@ export class MapModel {
     );
   }
 
-  // Where these triangles lie, and which way they look.
+  // Where these triangles lie on the surface and in the map, and their mean normal.
   extentOf(faces: number[]): { centre: THREE.Vector3; radius: number; normal: THREE.Vector3; uv: THREE.Box2 } {
     const box = new THREE.Box3(), uv = new THREE.Box2(), normal = new THREE.Vector3();
     const step = Math.max(1, Math.floor(faces.length / 20000));
@@ -397,7 +398,7 @@ export class MapModel {
     return { centre, radius, normal: normal.normalize(), uv };
   }
 
-  // Above which a twentieth of the triangles lies, for the ends of the colour scales.
+  // The value up to which `part` of all values lie, for the ends of the colour scales. At most 254: 255 is no value.
   quantile(values: Uint8Array, part: number): number {
     const counts = new Uint32Array(256);
     for (const value of values) ++counts[value]!;

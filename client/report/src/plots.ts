@@ -10,7 +10,7 @@ export function escape(text: string): string {
 // A chart of the solver on the plot.
 export interface Solved {
   solve: ChartSolve;
-  chart: number | undefined; // of the page
+  chart: number | undefined; // its number on the page
 }
 
 // Residuals after each Newton step, on a log axis: the largest of all charts, thin lines for charts, and a ring where each

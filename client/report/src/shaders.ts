@@ -1,10 +1,10 @@
-// How surface, layout and seams are drawn. Both views share one indexed buffer of quantized places. What belongs to a
-// triangle (its number, and by that its chart and values) is that of its provoking vertex, which no other triangle
-// provokes by (model.ts).
+// The shaders that draw surface, layout and seams. Both views share one indexed buffer of quantized places. A triangle
+// gets its number, and through it its chart and values, from its provoking vertex, which no other triangle has as its
+// provoking vertex (model.ts).
 
 export const TEXTURE_WIDTH = 4096;
 
-// Of all programs: places on the surface and in the map.
+// Part of all vertex shaders of the map: decodes places on the surface and in the map.
 const FETCH = /* glsl */ `
 precision highp float;
 precision highp int;
@@ -186,7 +186,7 @@ uniform vec4 uColor;
 out vec4 color;
 void main() { color = uColor; }`;
 
-// The same; or hidden seams blue, those in the open red, and where the surface ends grey.
+// Draws in one colour or, with uByVisibility, hidden seams blue, seams in the open red, and ends of the surface grey.
 export const SEAM_FRAGMENT = /* glsl */ `
 precision highp float;
 precision highp int;

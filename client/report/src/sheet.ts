@@ -35,7 +35,7 @@ interface Column {
   worstFirst: boolean; // on the first click
 }
 
-// Worst first.
+// The results of files, worst first.
 const RESULTS: Record<string, string> = {
   failed: 'failed', not_usable: 'not usable', cancelled: 'cancelled', not_tried: 'not tried', queued: 'queued', usable: 'usable', shown: 'shown',
 };

@@ -62,7 +62,7 @@ export class Viewer {
   constructor(private readonly canvas: HTMLCanvasElement, maps: MapData[]) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: 'high-performance' });
     this.renderer.autoClear = false;
-    // Some graphics interfaces are slow with the last vertex, which is what WebGL means unless told otherwise.
+    // By default the last vertex provokes, which is slow in some graphics interfaces: asks for the first one.
     const provoking = this.renderer.getContext().getExtension('WEBGL_provoking_vertex') as ProvokingVertex | null;
     provoking?.provokingVertexWEBGL(provoking.FIRST_VERTEX_CONVENTION_WEBGL);
     this.models = maps.map((data) => new MapModel(data, provoking !== null));
@@ -126,7 +126,7 @@ export class Viewer {
 
   setColors(page: string, tile: string, ink: string): void {
     const { uPage, uTile, uInk } = this.grid.material.uniforms;
-    // As they are: the page's colours are sRGB, and so is what the shaders write.
+    // Takes the numbers as they are: the page's colours are sRGB, and so is what the shaders write.
     for (const [uniform, text] of [[uPage, page], [uTile, tile], [uInk, ink]] as const) {
       (uniform!.value as THREE.Color).setStyle(text, THREE.LinearSRGBColorSpace);
     }
@@ -154,7 +154,7 @@ export class Viewer {
     this.redraw();
   }
 
-  // From the middle of everything, so that all of it is seen in a square.
+  // The distance from the middle of everything at which all of it is seen in a square view.
   private fittingDistance(direction: THREE.Vector3): number {
     const right = new THREE.Vector3(0, 1, 0).cross(direction).normalize(), up = direction.clone().cross(right);
     const slope = Math.tan((FIELD * Math.PI) / 360) * 0.94;
@@ -174,7 +174,7 @@ export class Viewer {
     return { centre: box.getCenter(new THREE.Vector2()), half: 0.53 * Math.max(size.x, size.y) };
   }
 
-  // To what these triangles of a map are, in both views.
+  // Flies to these triangles of a map, in both views.
   flyTo(map: number, faces: number[]): void {
     if (faces.length === 0) return;
     const { centre, radius, normal, uv } = this.models[map]!.extentOf(faces);
@@ -228,7 +228,7 @@ export class Viewer {
     this.redraw();
   }
 
-  // Nothing moves, and the last frame asked for is drawn.
+  // Whether nothing moves, and the last requested frame is drawn.
   get isIdle(): boolean {
     return !this.needsFrame && !this.flight;
   }
@@ -263,7 +263,7 @@ export class Viewer {
         this.panes.push({ map, isLayout: true, x: 0, y: y + h / 2, width, height: h / 2 });
       }
     });
-    // At once, as the canvas is empty now; but the first frame waits for the rest of the page.
+    // Draws at once, as the canvas is empty now; but the first frame waits for the rest of the page.
     if (this.frames > 0) this.draw();
     else this.redraw();
   }
@@ -377,7 +377,7 @@ export class Viewer {
       const box = canvas.getBoundingClientRect();
       return { x: event.clientX - box.left, y: event.clientY - box.top };
     };
-    // Before the controls, which are for the surface only.
+    // Runs before the controls, and disables them over the layout: they move only the surface.
     const choose = (event: MouseEvent): void => {
       const { x, y } = place(event);
       this.controls.enabled = this.paneAt(x, y)?.isLayout === false;
