@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kScoreUnit = 1e-6;
 constexpr std::int32_t kReportStride = 512;  // discs or joints
-constexpr double kFirstEstimates = 0.2;      // of the time
-constexpr double kNearLimit = 0.999;  // a step of the limit that comes nearer to the last limit than this is skipped
+constexpr double kFirstEstimates = 0.2;      // of the time of Run()
+constexpr double kNearLimit = 0.999;         // a step of the limit above this part of the last limit is skipped
 
 struct Disc {
   std::vector<std::int32_t> faces;     // empty: merged into another disc
@@ -107,7 +107,7 @@ class Merging {
     WalkOutline(d);
   }
 
-  // Glues discs as long as the current limit of stretch allows it.
+  // Glues discs until no joint is left that max_stretch_ allows, or a stop is requested.
   void Merge(const Execution& execution) {
     const auto count = static_cast<std::int32_t>(discs_.size());
     for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) {

@@ -90,7 +90,7 @@ std::vector<std::int32_t> StretchEstimate::InteriorOf(std::span<const std::int32
   return interior;
 }
 
-// Numbers the vertices that are to be solved for.
+// Makes these vertices the unknowns: stores them in Work::free_, and their numbers in number_.
 void StretchEstimate::Take(Parts vertices, Work* work) {
   work->free_.clear();
   for (const std::span<const std::int32_t> part : vertices) {
@@ -101,8 +101,8 @@ void StretchEstimate::Take(Parts vertices, Work* work) {
   }
 }
 
-// Solves, and adds to `sums` what that changes of them: from the kept u, or from u = 0. Afterwards no vertex has a
-// number.
+// Solves for u at the vertices of Work::free_, which have no numbers afterwards. Returns `sums`, which hold for the
+// kept u there or for u = 0, updated to the solution.
 StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept, Work* work) {
   const std::vector<std::int32_t>& free = work->free_;
   PoissonSolver& solver = work->solver_;
@@ -110,7 +110,7 @@ StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept, Work*
   work->capacity_ = std::max(work->capacity_, count);
   solver.Start(count);
   for (const std::int32_t v : free) {
-    // Positive unless triangles are hopeless.
+    // The diagonal of L is positive except with degenerate triangles.
     const double diagonal = vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1;
     solver.AddRow(diagonal, KeptAt(v), [&](const auto& add) {
       double load = vertices_[v].load;
@@ -155,7 +155,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
     }
   }
   Take({}, work);
-  // Vertices inside of the disc all of whose faces are among these, which are counted from -1 downwards.
+  // The unknowns are the vertices inside the disc all of whose faces are in Work::faces_. Counts these faces in
+  // number_, from -1 downwards.
   const auto for_each_corner = [&](const auto& visit) {
     for (const std::int32_t f : faces) {
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) visit(mesh.to_vertex_handle(h));

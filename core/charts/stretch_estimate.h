@@ -20,27 +20,29 @@ namespace planish {
 // functions in the Dirichlet energy), and ABF with a free boundary comes near it. An estimate takes one linear solve
 // and is right to a few per cent.
 //
-// L and K of a vertex are the same in every disc that it lies inside of, so they are computed once. Keeps the u of
-// every vertex between estimates, to start the next one from.
+// L and K of a vertex are the same in every disc that has the vertex inside, so they are computed once. The u of every
+// vertex is kept, and the next estimate starts from it.
 //
-// Several threads may estimate different discs at the same time, each with a Work of its own: they read and write what
-// belongs to the vertices inside of their own disc.
+// Several threads may estimate different discs at the same time, each with a Work of its own: an estimate accesses only
+// data of the vertices inside its own disc.
 class StretchEstimate {
  public:
-  // The estimate at hand, and its memory.
+  // Data of an estimate. May be used again for the next one.
   class Work {
    public:
-    std::int32_t capacity() const { return capacity_; }  // vertices that it has memory for
+    // The most vertices that it has been used for.
+    std::int32_t capacity() const { return capacity_; }
 
    private:
     friend class StretchEstimate;
-    std::vector<std::int32_t> faces_;  // of Joined()
+    std::vector<std::int32_t> faces_;  // the faces that Joined() looks at
     std::vector<std::int32_t> free_;   // the vertices that are solved for
     PoissonSolver solver_;
     std::int32_t capacity_ = 0;
   };
 
-  // Both must outlive this. `kept`: per vertex, what another one kept of the same surface; empty: 0 everywhere.
+  // `gluing` and `tuning` must outlive this. `kept`: TakeKept() of another StretchEstimate of the same surface; empty:
+  // u starts from 0.
   StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept = {},
                   const Execution& execution = {});
 
@@ -58,31 +60,31 @@ class StretchEstimate {
   // The vertices inside of the disc of these faces. O(n).
   std::vector<std::int32_t> InteriorOf(std::span<const std::int32_t> faces);
 
-  // Of the disc with these vertices inside, solved for as a whole.
+  // The sums of the disc with these interior vertices, all of which are solved for.
   Sums Whole(Parts interior, double area, Work* work);
 
-  // Of a disc that `small`, the faces of another one, has just been glued to: solved for at vertices inside of `small`
-  // and the faces of the disc nearest to it, at most estimate_reach times as many, from the kept u and as if those
-  // farther away stayed as they are. `before`: the sums of both parts as kept, neither of which has been cut since. O(n
-  // log n) in the faces of `small`. Not while other threads estimate.
+  // The sums of a large disc to which a disc with the faces `small` has just been glued. Solves only for vertices
+  // inside `small` and the faces of the large disc next to it, at most AtlasTuning::estimate_reach for each face of
+  // `small`. All other vertices have their kept u. `before`: the sum of both discs' sums with the kept u; neither disc
+  // may have been cut since. O(n log n) in the faces of `small`. Not while other threads estimate.
   Sums Joined(std::span<const std::int32_t> small, const Sums& before, Work* work);
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep(const Work& work);
-  // The same, and returns what was kept of these vertices before, for Swap().
+  // Like Keep(), but returns the kept u that these vertices had before, for Swap().
   struct Kept {
     std::vector<std::int32_t> vertices;
     std::vector<float> u;
   };
   Kept Replace(const Work& work);
-  // Exchanges the u of these vertices with those that are kept.
+  // Exchanges these u with the kept u of their vertices.
   void Swap(Kept* kept);
 
-  // The map of a disc with the u that are kept: where each of these half-edges begins, which are its outline. Edges of
-  // the outline keep their lengths, up to what closes it.
+  // The outline of the map that the kept u of a disc stand for: the position where each half-edge of `outline` begins.
+  // `outline` is that of the disc. Edges keep their lengths, except for small corrections that close the polygon.
   std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
 
-  // The u that is kept of a vertex; of no use outside of discs.
+  // The kept u of a vertex; meaningless for vertices on outlines.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
   // The kept u of all vertices. Nothing may be estimated afterwards.
   std::vector<float> TakeKept() { return std::move(kept_); }
@@ -107,9 +109,9 @@ class StretchEstimate {
   std::vector<double> weight_;    // per edge: minus the entry of L for its two vertices
   std::vector<Vertex> vertices_;  // and one more, for `begin`
   std::vector<Neighbour> neighbours_;
-  std::vector<std::int32_t> number_;  // per vertex: among those being solved for, -1 for all others
+  std::vector<std::int32_t> number_;  // per vertex: its index in Work::free_ during a solve, otherwise -1
   std::vector<float> kept_;           // per vertex
-  std::vector<char> is_marked_;       // per face: one of Work::faces_, while Joined() looks at them
+  std::vector<char> is_marked_;       // per face: whether it is in Work::faces_; all 0 outside of Joined()
 };
 
 }  // namespace planish

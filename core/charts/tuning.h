@@ -34,8 +34,8 @@ struct AtlasTuning {
   double valley_discount = 0.85, ridge_discount = 0.7;  // of seams where the surface bends by 60 degrees or more
   // Factor for an edge that probably was the diagonal of a quad: it costs as much as the path along two sides.
   double diagonal_cost = std::numbers::sqrt2;
-  double turn_cost = 0.5;  // of a right angle, of the edges next to it
-  // The search (unwrap/seam_search.h) begins with charts of so little stretch, as they are merged for the packer.
+  double turn_cost = 0.5;  // of a right angle, in costs of the edges next to it
+  // The search (unwrap/seam_search.h) begins with charts that are merged, as for kTexture, up to this stretch.
   double seams_first_stretch = 1.05;
   int seam_rounds = 3;  // most rounds, each of gluing charts and moving seams
   // Work limits: the number of faces, per face of the surface, that may be estimated again to glue charts, and to move

@@ -327,7 +327,7 @@ class Matching {
   const Links& links_;
   const Execution& execution_;
   const std::int32_t num_faces_;
-  // Per vertex: the lowest vertex where its image is, or -1; its image.
+  // Per vertex: the lowest vertex where its mirror image is, or -1; the image's position.
   std::vector<std::int32_t> image_;
   std::vector<Vec3> image_position_;
   // Per polygon: its image or -1; its number of faces.

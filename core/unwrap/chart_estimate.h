@@ -28,27 +28,27 @@ struct ChartEstimate {
 // time, after Reserve(). Otherwise not thread-safe.
 class ChartEstimates {
  public:
-  // Both must outlive this.
+  // `segmentation` must outlive this.
   ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning, const Execution& execution = {});
 
   const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
   // Estimates the chart in its present shape. Takes about a twentieth of the work of a solve.
   void Update(std::int32_t chart);
-  // The same of different charts, with the whole team. May end early after a cancellation.
+  // Update() of different charts, with the whole team. Ends early after a cancellation.
   void Update(std::span<const std::int32_t> charts, const Execution& execution);
   // Makes room for all charts of the segmentation.
   void Reserve() { charts_.resize(std::max(charts_.size(), segmentation_.charts().size())); }
-  // An estimate of a chart that is not the present one, with what estimates of the same faces start from.
+  // An earlier or later estimate of a chart, and its u.
   struct Other {
     ChartEstimate estimate;
     StretchEstimate::Kept kept;
   };
-  // Update() without Trace(): only the stretch is known then. Returns the estimate before, for Swap().
+  // Like Update() without Trace(), so that only the stretch is known. Returns the previous estimate, for Swap() if the
+  // change of the chart is undone.
   Other Replace(std::int32_t chart);
-  // Completes the estimate: outline, points, and where it crosses itself. Does nothing if it is complete.
+  // Completes the estimate by the outline, its points, and where it crosses itself, unless it is complete.
   void Trace(std::int32_t chart);
-  // Exchanges the estimate of the chart. Charts may have been glued, or their border moved, and put back in between.
-  // Of several Replace() of the same chart, the last is put back first.
+  // Exchanges the estimate of the chart and its u with these; the latest Replace() first.
   void Swap(std::int32_t chart, Other* other);
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
   // Whether there is an estimate of the chart, maybe an old one.

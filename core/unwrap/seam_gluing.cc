@@ -219,7 +219,7 @@ double SeamSearch::Glue() {
     queue_.pop();
     const std::int32_t i = best.joint.chart, j = best.joint.other;
     if (!IsCurrent(i, best.version, j, best.other_version)) continue;
-    // One that gains nearly as much as any other is glued as soon as its estimate is there.
+    // A candidate that gains nearly as much as the next one may gain at most is glued at once.
     constexpr double kNearly = 0.9;
     const double least = best.is_known || queue_.empty() ? kWorthIt : std::max(kWorthIt, kNearly * queue_.top().gain);
     MakeDrafts(best);

@@ -16,7 +16,7 @@ constexpr std::size_t kArc = 48;  // half-edges of a path that are moved at once
 std::optional<SeamSearch::Moved> SeamSearch::Reroute(std::span<const HalfedgeHandle> path, bool slides) {
   if (!IsPath(segmentation_.gluing(), path)) return std::nullopt;
   const std::vector<HalfedgeHandle> image = ImageOf(path);
-  if (Meet(path, image)) return std::nullopt;  // it lies on the plane, or across
+  if (Meet(path, image)) return std::nullopt;  // the seam lies on the mirror plane, or crosses it
   const std::int32_t i = ChartOf(path.front()), j = ChartAcross(path.front());
   Moved moved;
   moved.chart = i;
@@ -49,7 +49,7 @@ double SeamSearch::Keep(Moved* moved) {
   double gain = of_paths;
   bool is_sound = true;
   for (std::size_t k = 0; k < moved->charts.size() && is_sound; ++k) {
-    // The images will gain about as much.
+    // Looks at the image charts only if twice the gain is enough, since they gain about as much.
     is_sound = k != 2 || moved->charts.size() < 4 || 2 * gain - of_paths > kWorthIt;
     if (!is_sound) break;
     const std::int32_t chart = moved->charts[k];

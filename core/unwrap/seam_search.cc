@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-constexpr double kGoesOn = 1e-3;  // of the cost, that another round must be worth
+constexpr double kGoesOn = 1e-3;  // in units of the cost: gain of a round that is worth another round
 
 }  // namespace
 

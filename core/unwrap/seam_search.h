@@ -18,14 +18,14 @@
 namespace planish {
 
 // Charts are glued (seam_gluing.cc) and seams are moved (seam_moving.cc) as long as that lowers the cost of all seams
-// (core/charts/seam_cost.h), by estimates of maps. The order is that of one thread. Several threads estimate ahead what
-// is about other charts than all decisions that have not been made yet.
+// (core/charts/seam_cost.h), by estimates of maps. Joints and seams are decided in the order of one thread. Several
+// threads estimate ahead the charts that no undecided joint or seam before can change.
 class SeamSearch {
  public:
   // All must outlive this.
   SeamSearch(Job* job, const SeamCost& cost, const Execution& execution, ChartEstimates* estimates, Charts* charts);
 
-  // Returns what all seams and charts cost then.
+  // Improves the seams. Returns the cost of all seams and charts at the end.
   absl::StatusOr<double> Run();
 
  private:
@@ -49,7 +49,7 @@ class SeamSearch {
   // ---- Mirror images.
 
   std::int32_t ImageOf(std::int32_t i) const { return charts_.image.empty() ? -1 : charts_.image[i]; }
-  // The mirror image of a half-edge, whose face is the image of its face; maybe invalid.
+  // The mirror image of a half-edge, on the side of the image of its face; invalid if there is none.
   HalfedgeHandle ImageOf(HalfedgeHandle h) const;
   // The mirror image of consecutive half-edges, which runs the other way; empty if an edge has no image.
   std::vector<HalfedgeHandle> ImageOf(std::span<const HalfedgeHandle> path) const;
@@ -58,9 +58,10 @@ class SeamSearch {
   std::int32_t ChartOf(HalfedgeHandle h) const;
   std::int32_t ChartAcross(HalfedgeHandle h) const { return segmentation_.chart()[surface_.face_across(h)]; }
 
-  // Borders whose charts could not be glued, or moved, for less cost; the key is the first half-edge and the number of
-  // half-edges. A border is tried again once one of its charts, or of their mirror images, has changed; on large
-  // surfaces not in the same round, since larger charts seldom succeed where smaller ones failed.
+  // A failed attempt to lower the cost by gluing two charts at a border, or by moving it. failed_ holds these by the
+  // first half-edge and the number of half-edges of the border. A border is tried again once one of its charts, or of
+  // their mirror images, has changed; on large surfaces not in the same round, since larger charts seldom succeed where
+  // smaller ones failed.
   struct Tried {
     int round;
     std::int32_t chart, other;
@@ -74,7 +75,7 @@ class SeamSearch {
   // ---- Gluing.
 
   struct Candidate {
-    double gain;  // at most, as long as it is not known
+    double gain;  // an upper bound unless `is_known`
     bool is_known;
     std::int64_t number;
     Segmentation::Joint joint;
@@ -90,42 +91,43 @@ class SeamSearch {
     std::vector<std::pair<std::int32_t, ChartEstimates::Other>> estimates;
   };
 
-  // The estimate of what gluing a candidate makes, before that is decided.
+  // The estimate of the chart that gluing a candidate would make.
   struct Draft {
     std::int32_t chart, other;
     int version, other_version;
     ChartEstimates::Other estimate;
   };
 
-  // Whether gluing these two charts is what gluing the images of two of lower numbers does.
+  // Whether these two charts are the mirror images of two charts with lower numbers, and are glued together with those.
   bool IsImage(std::int32_t i, std::int32_t j) const;
   // Queues the borders of a chart; unless `all`, those with charts of higher numbers.
   void Push(std::int32_t i, bool all);
   bool Join(const Segmentation::Joint& joint, Glued* glued);
-  // The cost of the chart now; nothing if its map is not sound. Maps of a cost that is no use are not looked at.
+  // Estimates the chart in its present shape, or takes the estimate of `draft`. Returns its cost; nullopt if its map is
+  // not sound. If is_of_use(cost) is false, the map is not examined.
   template <class IsOfUse>
   std::optional<double> Estimate(std::int32_t i, const IsOfUse& is_of_use, std::optional<Draft> draft, Glued* glued);
   void Undo(Glued* glued);
-  // These half-edges as a border of charts i and j; nothing if they do not lie between the two.
+  // These half-edges as a border of charts i and j; nullopt if they do not lie between the two.
   std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j, std::vector<HalfedgeHandle> border) const;
-  // Glues two charts, and their mirror images alike, if that lowers the cost by so much at least. Returns by how much
-  // it would; nothing if they must stay apart.
+  // Glues two charts, and their mirror images alike, if that lowers the cost by at least `least`. Returns by how much
+  // gluing lowers the cost, done or not; nullopt if the charts must stay apart.
   std::optional<double> Try(const Candidate& candidate, double least);
   bool IsCurrent(std::int32_t i, int version, std::int32_t j, int other_version) const {
     return version_[i] == version && version_[j] == other_version;
   }
-  // Whether gluing the two makes one chart of these two alone, which is estimated first.
+  // Whether Try() first estimates the chart that consists of these two alone.
   bool MayBeDrafted(const Segmentation::Joint& joint) const;
   std::optional<Draft> TakeDraft(const Candidate& candidate);
-  // Makes drafts of this candidate and of some of the next, which have no chart in common.
+  // With several threads: makes drafts of this candidate and of some of the next ones, no two with a chart in common.
   void MakeDrafts(const Candidate& best);
-  // Glues charts, where most is gained first. Returns what has been gained.
+  // Glues charts, those with the largest gain first. Returns the total gain.
   double Glue();
 
   // ---- Moving.
 
-  // A seam that is moved, together with its mirror image. `charts` are the charts beside them; the first of these have
-  // new estimates. `before` are those before the move, and `costs` what they cost then.
+  // A seam that is moved, together with its mirror image. `charts` are the charts beside them. The first of these have
+  // new estimates; `before` has their estimates before the move, and `costs` their costs then.
   struct Moved {
     struct Part {
       std::int32_t chart, other;
@@ -144,41 +146,41 @@ class SeamSearch {
     std::span<const HalfedgeHandle> path;
     bool slides;
     bool is_first;                          // of the parts of its seam
-    bool is_ahead = false;                  // it has been looked at
-    std::vector<std::int32_t> charts = {};  // then: ChartsOf() its path before
-    std::optional<Moved> moved = {};        // then: what Reroute() did
+    bool is_ahead = false;                  // whether Reroute() has been called
+    std::vector<std::int32_t> charts = {};  // ChartsOf() the path before Reroute()
+    std::optional<Moved> moved = {};        // the result of Reroute()
   };
 
   // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way. Keep() decides. Nothing
   // if the path is not to be moved.
   std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides);
-  // Replaces the estimate of the next of the charts; `at` is its place in `before` and `costs`.
+  // Estimates moved->charts[at] as it is after the move.
   void EstimateMoved(std::size_t at, Moved* moved);
   static void MakeRoom(std::size_t estimates, Moved* moved) {
     moved->before.resize(estimates);
     moved->costs.resize(estimates);
   }
-  // Keeps the move if that lowers the cost, and puts everything back otherwise. Returns by how much it does.
+  // Keeps the move if that lowers the cost, and undoes it otherwise. Returns the gain; 0 if it was undone.
   double Keep(Moved* moved);
   // Whether a way runs inside the two charts beside a path, from outline to outline. The ways of SeamRouter do; the
   // mirror image of such a way may not, once the way has become a seam.
   bool CanLeadTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way) const;
-  // Leads a seam another way; returns whether it can go there.
+  // Moves the seam `path` to `way`, and records that in `moved`. Returns false if the seam cannot go there.
   bool MoveTo(std::span<const HalfedgeHandle> path, const std::vector<HalfedgeHandle>& way, Moved* moved);
   void UndoMove(Moved* moved);
   // Whether the vertex where a half-edge ends is its own mirror image.
   bool EndsOnPlane(HalfedgeHandle h) const;
-  // All seams, the dearest first. `paths` must outlive them.
+  // All seams, the most expensive first. `paths` must outlive them.
   std::vector<Step> StepsOf(const std::vector<SeamPath>& paths) const;
   // The charts beside a path and beside its mirror image, and the mirror images of these charts.
   std::vector<std::int32_t> ChartsOf(std::span<const HalfedgeHandle> path) const;
-  // Moves the seam of the first of these steps, and those of some of the next ones that have no chart in common with a
-  // step before them. A step depends on nothing, and changes nothing, but ChartsOf() its path, so that all is as if it
-  // had waited for its turn. Estimates the first two charts of each.
+  // Moves the seam of the first of these steps. With several threads also moves the seams of those among the next steps
+  // that have no chart in common with an earlier step, and estimates the first two charts of each. A step depends on
+  // nothing, and changes nothing, but the charts of ChartsOf(), so the result is that of steps in their order.
   void MoveAhead(std::span<Step> steps);
-  // Moves all seams, the dearest first. Returns what has been gained.
+  // Moves all seams, the most expensive first. Returns the total gain.
   double Move();
-  // Paths that end where they cross the plane, without those whose images are among the others.
+  // Cuts paths where they cross the mirror plane. Leaves out parts on the second side that have a mirror image.
   std::vector<SeamPath> OfOneSide(const std::vector<SeamPath>& paths) const;
 
   Job& job_;
@@ -191,7 +193,7 @@ class SeamSearch {
   SeamRouter router_;
   const Execution& execution_;
   std::vector<double> area_;  // per chart
-  std::vector<int> version_;  // per chart: grows whenever it changes
+  std::vector<int> version_;  // per chart: grows whenever the chart changes
   std::priority_queue<Candidate> queue_;
   std::map<std::int64_t, Draft> drafts_;  // by Candidate::number
   std::map<BorderKey, Tried> failed_;
@@ -199,7 +201,7 @@ class SeamSearch {
   int stamp_ = 0;
   std::int64_t pushed_ = 0;
   int round_ = 0;
-  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may be estimated again; at first
+  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may still be estimated again; all_left_: at first
 };
 
 }  // namespace planish
