@@ -169,17 +169,17 @@ void AddTextures(CLI::App& app, TextureArguments& textures) {
       "Images of a glTF or OBJ that use the replaced UV. transfer: redraw them for the new map; keep: keep images and "
       "old UV, and write the new UV to the next free set; drop: remove the references [transfer]");
   AddImageFlags(app, textures);
+  app.add_option_function<std::string>(
+         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
+         "Write colours into a base colour image; colors: the vertex colours [nothing]")
+      ->check(CLI::IsMember({"colors"}).description(""))
+      ->type_name("colors");
 }
 
 void AddImageFlags(CLI::App& app, TextureArguments& textures) {
   app.add_flag("--merge-materials", textures.merge_materials,
                "glTF: merge materials that differ only in images and factors; the merged one has one set of images, "
                "and each mesh one primitive for it");
-  app.add_option_function<std::string>(
-         "--bake", [&textures](const std::string&) { textures.bake_colors = true; },
-         "Write colours into a base colour image; colors: the vertex colours [nothing]")
-      ->check(CLI::IsMember({"colors"}).description(""))
-      ->type_name("colors");
   app.add_option("--memory", textures.memory_mb,
                  "Memory limit for redrawing one image, in megabytes [half of the machine's memory]")
       ->check(CLI::Range(1, 1 << 24).description(""))

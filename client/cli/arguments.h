@@ -106,7 +106,7 @@ struct OutputArguments {
 void AddOutput(CLI::App& app, std::string& path, bool takes_batch);
 void AddPreview(CLI::App& app, std::string& preview);
 void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord);
-// AddTextures() adds --textures and the flags of AddImageFlags(): --merge-materials, --bake, --memory and
+// AddTextures() adds --textures, --bake and the flags of AddImageFlags(): --merge-materials, --memory and
 // --allow-outside.
 void AddTextures(CLI::App& app, TextureArguments& textures);
 void AddImageFlags(CLI::App& app, TextureArguments& textures);

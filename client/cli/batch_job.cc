@@ -270,7 +270,7 @@ class BatchJob {
     BeginJson();
     end_.json.update(ReportJson(result, report, item_.output, files_->atlas_names()));
     if (context_.sheet != nullptr) {
-      end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_.map.options);
+      end_.row.card = WritePage(PageJob(record_), *files_, result, arguments_.map.options);
     }
   }
 

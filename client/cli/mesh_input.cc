@@ -17,6 +17,7 @@
 #include "client/cli/seams.h"
 #include "client/cli/session.h"
 #include "client/files/file_io.h"
+#include "client/files/vertex_colors.h"
 #include "client/pictures/map_picture.h"
 #include "client/pictures/uv_preview.h"
 #include "client/src/errors.h"
@@ -91,6 +92,12 @@ MeshInput::MeshInput(std::vector<MeshFile> files) {
       mesh_.faces.push_back(face);
     }
   }
+}
+
+std::vector<const MeshFile*> MeshInput::Files() const {
+  std::vector<const MeshFile*> files;
+  for (const Part& part : parts_) files.push_back(&part.file);
+  return files;
 }
 
 MeshView MeshInput::view() const {
@@ -169,6 +176,20 @@ std::vector<double> MeshInput::CornerUv() const {
     }
   }
   return uv;
+}
+
+std::vector<CornerColor> MeshInput::CornerColors() const {
+  std::vector<CornerColor> result;
+  bool any = false;
+  for (const Part& part : parts_) {
+    const absl::StatusOr<std::vector<CornerColor>> colors = VertexColors(part.file);
+    if (!colors.ok()) throw ErrorFrom(colors.status());
+    for (const std::int64_t corner : part.triangulation.corner_of_triangle) {
+      result.push_back(colors->empty() ? CornerColor{1, 1, 1, 1} : (*colors)[static_cast<std::size_t>(corner)]);
+    }
+    any |= !colors->empty();
+  }
+  return any ? result : std::vector<CornerColor>();
 }
 
 std::vector<std::int32_t> MeshInput::FaceMaterials() const {

@@ -12,6 +12,7 @@
 #include "client/cli/arguments.h"
 #include "client/cli/seams.h"
 #include "client/files/mesh_output.h"
+#include "client/texture/texture_baker.h"
 #include "core/base/element_ids.h"
 #include "planish/client.h"
 
@@ -43,6 +44,7 @@ class MeshInput {
   // The first file.
   const std::string& path() const { return parts_.front().file.path; }
   const MeshFile& file() const { return parts_.front().file; }
+  std::vector<const MeshFile*> Files() const;
   const Triangulation& triangulation() const { return parts_.front().triangulation; }  // without its mesh
   // The mesh of all files, as sent.
   const Mesh& mesh() const { return mesh_; }
@@ -54,6 +56,9 @@ class MeshInput {
   std::vector<std::int32_t> CornerTexcoords() const;
   // The UV of the corners, 6 numbers a face, v upwards; (0, 0) for corners without UV.
   std::vector<double> CornerUv() const;
+  // The colours of the corners (client/files/vertex_colors.h), three a face, white in files without colours; empty if
+  // no file has colours. Throws FILE_MALFORMED.
+  std::vector<CornerColor> CornerColors() const;
   // Per face: the id of its material, -1 without material. Files never share ids. Empty if no file has materials.
   std::vector<std::int32_t> FaceMaterials() const;
   // Names by the ids of FaceMaterials(). Different files may have equal names.

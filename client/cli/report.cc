@@ -10,6 +10,7 @@
 
 #include "Eigen/Geometry"
 #include "client/cli/mesh_input.h"
+#include "client/cli/report_images.h"
 #include "client/cli/report_page.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
@@ -110,9 +111,37 @@ std::string FileName(const std::string& path) {
 // The default tolerance of Newton's method (planish.v1.UnwrapOptions.tolerance).
 constexpr double kDefaultTolerance = 1e-9;
 
+// What both maps show, if images moved into the new one.
+struct MovedTextures {
+  ReportImages images;
+  MapTextures before, after;
+};
+
+MovedTextures TexturesOf(const UnwrapFiles& files, const CheckedMap& before, const CheckedMap& after) {
+  MovedTextures moved;
+  std::vector<std::string> paths;
+  bool bakes_colors = false;
+  for (const OutputOptions& output : files.outputs()) {
+    if (IsStream(output.path) || output.textures.mode != TextureMode::kTransfer) return moved;
+    paths.push_back(output.path);
+    bakes_colors |= output.textures.bake_colors;
+  }
+  if (paths.empty()) return moved;
+  const MeshInput& input = files.input();
+  if (before.has_uv()) {
+    moved.before =
+        moved.images.Of(input, before, files.texcoord(), bakes_colors, files.outputs().front().textures.allow_outside);
+  }
+  if (moved.images.empty() && !bakes_colors) return moved;
+  const int texcoord = files.outputs().front().texcoord;
+  moved.after = moved.images.OfWritten(MeshInput(paths, texcoord), after, texcoord);
+  return moved.after.list.empty() ? MovedTextures() : moved;
+}
+
 // `output`: the file that was written; empty: stdout.
-FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+FinishedPage UnwrapPage(const UnwrapFiles& files, const UnwrapResult& result, const std::string& output,
                         const UnwrapOptions& unwrap, const Execution& execution, const SheetMember* member) {
+  const MeshInput& input = files.input();
   const Atlas& atlas = result.report.atlas;
   const double padding = atlas.pack ? atlas.padding : 0;
   const MapCheckOptions options = CheckOptionsOf({atlas.texture_size, std::max(atlas.tiles, 1), padding});
@@ -121,18 +150,19 @@ FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, cons
   const CheckedMap after = CheckMapOf(input, result.uv.As<double>(), options, execution);
   CheckedMap before;
   if (!input.CornerTexcoords().empty()) before = CheckMapOf(input, options_before, execution);
+  MovedTextures moved = TexturesOf(files, before, after);
   std::vector<ReportedMap> maps;
-  if (before.has_uv()) maps.push_back({"before", input, before, options_before, 0});
+  if (before.has_uv()) maps.push_back({"before", input, before, options_before, 0, std::move(moved.before)});
   std::error_code ignored;
   const bool has_name = !FileName(output).empty() && !std::filesystem::is_directory(output, ignored);
   const std::string name = FileName(has_name ? output : input.path());
-  maps.push_back({before.has_uv() ? "after" : name, input, after, options, padding});
+  maps.push_back({before.has_uv() ? "after" : name, input, after, options, padding, std::move(moved.after)});
   Json json = ReportJson(result, result.report, "");
   json["tolerance"] = unwrap.solver.tolerance > 0 ? unwrap.solver.tolerance : kDefaultTolerance;
-  if (member == nullptr) return ReportPage(maps, json, name);
+  if (member == nullptr) return ReportPage(maps, &moved.images, json, name);
   SheetMember whole = *member;
   whole.picture = SheetPicture(after.mesh, after.uv);
-  return ReportPage(maps, json, name, whole);
+  return ReportPage(maps, &moved.images, json, name, whole);
 }
 
 }  // namespace
@@ -151,31 +181,34 @@ void RequireUv(const MeshInput& input, const CheckedMap& map) {
               input.path() + " has no UV to show; planish unwrap --report makes some and shows them");
 }
 
-FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+FinishedPage UnwrapReport(const UnwrapFiles& files, const UnwrapResult& result, const std::string& output,
                           const UnwrapOptions& options) {
   ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
   Execution execution;
   execution.team = &team;
-  return UnwrapPage(input, result, output == "-" ? "" : output, options, execution, nullptr);
+  return UnwrapPage(files, result, output == "-" ? "" : output, options, execution, nullptr);
 }
 
-Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
+Json WritePage(const SheetPageJob& job, const UnwrapFiles& files, const UnwrapResult& result,
                const UnwrapOptions& options) {
   const SheetMember member = {job.sheet.SheetFrom(job.page), job.made, ""};
-  const FinishedPage page = UnwrapPage(input, result, job.output, options, {}, &member);
+  const FinishedPage page = UnwrapPage(files, result, job.output, options, {}, &member);
   job.sheet.WritePage(job.page, page.html);
   return page.card;
 }
 
-Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const PageTiles& tiles,
+Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, int texcoord, const PageTiles& tiles,
                    const Execution& execution) {
   const MapCheckOptions options = CheckOptionsOf(tiles);
   const CheckedMap map = CheckMapOf(input, options, execution);
   if (execution.IsCancelled()) return nullptr;
   RequireUv(input, map);
   const SheetMember member = {job.sheet.SheetFrom(job.page), job.made, SheetPicture(map.mesh, map.uv)};
+  ReportImages images;
+  MapTextures textures = images.Of(input, map, texcoord);
   const FinishedPage page =
-      ReportPage({{FileName(input.path()), input, map, options, tiles.padding}}, std::nullopt, "", member);
+      ReportPage({{FileName(input.path()), input, map, options, tiles.padding, std::move(textures)}}, &images,
+                 std::nullopt, "", member);
   job.sheet.WritePage(job.page, page.html);
   return page.card;
 }
@@ -185,7 +218,7 @@ Json KeepPage(const SheetPageJob& job, int texcoord, const UnwrapOptions& option
   if (card.is_object() && card.value("made", "") == job.made) return card;
   const MeshInput input({job.output}, texcoord);
   const PageTiles tiles = {options.texture_size, options.tiles, static_cast<double>(options.padding.value_or(2))};
-  return WriteFilePage(job, input, tiles, {});
+  return WriteFilePage(job, input, texcoord, tiles, {});
 }
 
 }  // namespace planish::cli

@@ -11,6 +11,7 @@
 #include "client/cli/mesh_input.h"
 #include "client/cli/report_page.h"
 #include "client/cli/results.h"
+#include "client/cli/unwrap_files.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
@@ -61,9 +62,10 @@ std::string SheetPage(const std::string& title, const std::string& pages_from_sh
 // need not be in the unit square: a larger layout is scaled down.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
 
-// A page about the map of `result`, whose warnings have the file's ids, beside the UV of `input`, if it has any.
-// `output`: the file that was written, "-" is stdout. `options`: the options of the unwrap.
-FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+// A page about the map of `result`, whose warnings have the file's ids, beside the UV of the input, if it has any; with
+// the images of both, if they moved into the new map. Reads the files that were written. `output`: where to, "-" is
+// stdout. `options`: the options of the unwrap.
+FinishedPage UnwrapReport(const UnwrapFiles& files, const UnwrapResult& result, const std::string& output,
                           const UnwrapOptions& options);
 
 // A page of a sheet.
@@ -75,7 +77,7 @@ struct SheetPageJob {
 };
 
 // Writes the page of a file that was unwrapped; gives its card.
-Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
+Json WritePage(const SheetPageJob& job, const UnwrapFiles& files, const UnwrapResult& result,
                const UnwrapOptions& options);
 
 // Returns the card of a file that an earlier run has done. Its page is kept if its `made` equals that of `job`.
@@ -95,7 +97,8 @@ MapCheckOptions CheckOptionsOf(const PageTiles& tiles);
 // Throws UV_MISSING if `map`, which is that of `input`, has no UV.
 void RequireUv(const MeshInput& input, const CheckedMap& map);
 
-// Writes a page of a sheet; gives its card, null after an interrupt.
-Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const PageTiles& tiles, const Execution& execution);
+// Writes a page of a sheet about the set `texcoord` of the file; gives its card, null after an interrupt.
+Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, int texcoord, const PageTiles& tiles,
+                   const Execution& execution);
 
 }  // namespace planish::cli

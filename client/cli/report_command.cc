@@ -12,6 +12,7 @@
 #include "client/cli/exit_codes.h"
 #include "client/cli/flags.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/report_images.h"
 #include "client/cli/report_page.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
@@ -30,8 +31,8 @@ constexpr char kReportHelp[] = R"(Examples:
   planish unwrap props/ -o done/ --report=sheet.html       the same for a batch
 
 The page is one file, opened from disk; it loads nothing from the network. It shows the surface and the layout, linked
-by hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings,
-with links to the triangles that they are about. It needs a browser with WebGL 2.
+by hovering and clicking, with checker, charts, stretch, angle error, seams, colours or textures; a table of charts; and
+warnings, with links to the triangles that they are about. It needs a browser with WebGL 2.
 
 More than two files, a directory, or a directory after -o make a contact sheet: an index with a small picture and the
 key figures of each file, which can be sorted, and a page for each file. -o DIR writes the index to DIR/index.html and
@@ -125,10 +126,12 @@ int ReportOne(const ReportArguments& arguments, const Execution& execution) {
   if (!execution.IsCancelled()) RequireUv(first, first_map);
   std::optional<MeshInput> second;
   CheckedMap second_map;
+  int second_texcoord = 0;
   if (!arguments.inputs.more.empty()) {
     const std::string& path = arguments.inputs.more.front();
     const bool is_gltf = FormatOfPath(path) == MeshFormat::kGltf || FormatOfPath(path) == MeshFormat::kGlb;
-    second.emplace(std::vector<std::string>{path}, is_gltf ? arguments.texcoord : 0);
+    if (is_gltf) second_texcoord = arguments.texcoord;
+    second.emplace(std::vector<std::string>{path}, second_texcoord);
     second_map = CheckMapOf(*second, options, execution);
     if (!execution.IsCancelled()) RequireUv(*second, second_map);
   }
@@ -136,9 +139,14 @@ int ReportOne(const ReportArguments& arguments, const Execution& execution) {
   std::string name = fs::path(arguments.inputs.first).filename().string();
   std::string second_name = second ? fs::path(second->path()).filename().string() : "";
   if (name == second_name) name += " (A)", second_name += " (B)";
-  std::vector<ReportedMap> maps = {{name, first, first_map, options, padding}};
-  if (second) maps.push_back({second_name, *second, second_map, options, padding});
-  WriteOutput(arguments.output, ReportPage(maps, job_report).html);
+  ReportImages images;
+  std::vector<ReportedMap> maps = {
+      {name, first, first_map, options, padding, images.Of(first, first_map, arguments.texcoord)}};
+  if (second) {
+    maps.push_back(
+        {second_name, *second, second_map, options, padding, images.Of(*second, second_map, second_texcoord)});
+  }
+  WriteOutput(arguments.output, ReportPage(maps, &images, job_report).html);
   return kOk;
 }
 
@@ -157,7 +165,7 @@ int ReportMany(const ReportArguments& arguments, const Execution& execution) {
     try {
       if (item.problem) throw *item.problem;
       const SheetPageJob job = {sheet, ReportSheet::PageOf(item.name), "", ""};
-      row.card = WriteFilePage(job, MeshInput({item.input}, item.texcoord), arguments.tiles, execution);
+      row.card = WriteFilePage(job, MeshInput({item.input}, item.texcoord), item.texcoord, arguments.tiles, execution);
       if (row.card.is_null()) continue;
       row.page = job.page;
       row.result = "shown";

@@ -16,6 +16,7 @@
 #include "absl/strings/escaping.h"
 #include "client/cli/check.h"
 #include "client/cli/text.h"
+#include "client/texture/image.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/visibility.h"
 
@@ -42,6 +43,7 @@ namespace planish::cli {
 namespace {
 
 constexpr double kSteps = 65535;                                // of positions and UV along their extent
+constexpr double kMostUvOfTwoBytes = 1.5;                       // widths of an image
 constexpr double kStretchOctaves = 4;                           // that the page tells apart (client/report/src/data.ts)
 constexpr int kTopByte = 254, kNoStretch = 255, kNoSeam = 255;  // of a byte
 constexpr std::uint8_t kMirroredFace = 16;
@@ -131,6 +133,7 @@ class MapWriter {
                  {"numbers", CheckLines(reported_.input, reported_.options, map_)},
                  {"findings", Findings()},
                  {"sections", Json::object()}};
+    if (!reported_.textures.empty()) AddTextures(&json);
     for (const auto& [name, section] : sections_) {
       json["sections"][name] = section.size();
       *bytes += section;
@@ -206,6 +209,43 @@ class MapWriter {
     sections_.emplace_back("outline", outline.Take());
     sections_.emplace_back("visibility", std::move(visibility));
     sections_.emplace_back("seams", std::move(seams));
+  }
+
+  // What the triangles show, and UV that are precise enough for images that repeat often.
+  void AddTextures(Json* json) {
+    Differences textures;
+    for (const std::int32_t texture : reported_.textures.of_face) textures.Add(texture);
+    sections_.emplace_back("texture", textures.Take());
+    if (uv_size_ > kMostUvOfTwoBytes) {
+      sections_.emplace_back("uvFine", Planes(corner_of_place_.size(), 2, [&](std::size_t i, int k) {
+                               const double value = kSteps * (UvAt(corner_of_place_[i])[k] - uv_low_[k]) / uv_size_;
+                               return value - std::round(value) + 0.5;
+                             }));
+    }
+    if (!reported_.textures.colors.empty()) {
+      std::string colors;
+      for (const std::size_t corner : corner_of_place_) {
+        const CornerColor& color = reported_.textures.colors[corner];
+        for (std::size_t k = 0; k < 4; ++k) {
+          const double value = std::clamp<double>(color[k], 0, 1);
+          colors.push_back(static_cast<char>(std::lround(255 * (k < 3 ? SrgbOfLinear(value) : value))));
+        }
+      }
+      sections_.emplace_back("colors", std::move(colors));
+    }
+    (*json)["textures"] = Json::array();
+    for (const BaseColor& color : reported_.textures.list) {
+      const char* const alphas[] = {"opaque", "mask", "blend"};
+      const char* const wraps[] = {"repeat", "mirror", "clamp"};
+      (*json)["textures"].push_back(
+          {{"image", color.image},
+           {"transform", color.transform},
+           {"wrap", {wraps[static_cast<int>(color.wrap_u)], wraps[static_cast<int>(color.wrap_v)]}},
+           {"nearest", color.nearest},
+           {"factor", color.factor},
+           {"alpha", alphas[static_cast<int>(color.alpha)]},
+           {"cutoff", color.cutoff}});
+    }
   }
 
   static char ByteOfShare(double share) {
@@ -400,7 +440,7 @@ std::string FillTemplate(std::string_view page, const std::string& data) {
   return std::string(page.substr(0, place)) + data + std::string(page.substr(place + kPlace.size()));
 }
 
-FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
+FinishedPage ReportPage(const std::vector<ReportedMap>& maps, ReportImages* images, const std::optional<Json>& unwrap,
                         const std::string& title, const std::optional<SheetMember>& member) {
   FinishedPage finished;
   Json page = {{"version", Version()}, {"maps", Json::array()}};
@@ -412,6 +452,7 @@ FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optiona
     blobs += "<script type=\"text/plain\" id=\"planish-map-" + std::to_string(i) + "\">" +
              absl::Base64Escape(Deflated(bytes)) + "</script>\n";
   }
+  blobs += images->Write(&page);
   std::size_t other_warnings = 0;
   if (unwrap) {
     Json kept = SolveJson(*unwrap);

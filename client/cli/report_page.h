@@ -8,6 +8,7 @@
 
 #include "client/cli/check.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/report_images.h"
 #include "client/cli/results.h"
 
 namespace planish::cli {
@@ -19,6 +20,7 @@ struct ReportedMap {
   const CheckedMap& map;  // has UV
   const MapCheckOptions& options;
   double padding = 0;  // texels round charts that the layout shows
+  MapTextures textures;
 };
 
 // What a page of a sheet has in addition (report.h).
@@ -36,10 +38,11 @@ struct FinishedPage {
 };
 
 // The page: client/report/template.html with the data in it. Positions and UV are rounded to 16 bits of their extent;
-// the data take some 10 bytes a triangle. `unwrap` is what `unwrap --json` printed about the last map, with "tolerance"
-// if that is known; null: nothing. `title`: what the page is about; empty: the names of the maps. At most two maps. A
-// member of a sheet has its card in it: ReadCard(). Deterministic.
-FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
+// the data take some 10 bytes a triangle, and the images of `images` their own (ReportImages). `unwrap` is what `unwrap
+// --json` printed about the last map, with "tolerance" if that is known; null: nothing. `title`: what the page is
+// about; empty: the names of the maps. At most two maps. A member of a sheet has its card in it: ReadCard().
+// Deterministic.
+FinishedPage ReportPage(const std::vector<ReportedMap>& maps, ReportImages* images, const std::optional<Json>& unwrap,
                         const std::string& title = "", const std::optional<SheetMember>& member = std::nullopt);
 
 // The card of the page in the file `path`; null if that is no page of a sheet.

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <iostream>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -21,6 +22,7 @@
 #include "client/files/surface_projection.h"
 #include "client/src/errors.h"
 #include "core/base/timer.h"
+#include "core/pack/pack.h"
 
 namespace planish::cli {
 
@@ -49,7 +51,11 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
       ->type_name("N");
   app.add_flag("--project", arguments.project,
                "For two surfaces that differ but lie close together, such as a scan and its decimated copy: write TO "
-               "(as .glb or .gltf) with FROM's colours and normals as images");
+               "(as .glb or .gltf) with images baked from FROM");
+  app.add_option("--bake", arguments.bake_list,
+                 "Images to bake, separated by commas. With --project: colors, normals, height (a file beside OUT), "
+                 "occlusion [colors,normals]. Without it: colors, the vertex colours [nothing]")
+      ->type_name("LIST");
   app.add_option("--cage", arguments.cage_percent,
                  "With --project: the largest distance between the surfaces, in percent of the diagonal of TO's "
                  "bounding box [1]")
@@ -62,8 +68,21 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
 }
 
 std::string Check(TransferArguments& arguments) {
-  if (arguments.project && (arguments.textures.merge_materials || arguments.textures.bake_colors)) {
-    return "--project makes one material with the colours of FROM; leave --merge-materials and --bake out";
+  if (arguments.project && arguments.textures.merge_materials) {
+    return "--project makes one material of its own; leave --merge-materials out";
+  }
+  std::istringstream list(arguments.bake_list);
+  for (std::string what; std::getline(list, what, ',');) {
+    if (what != "colors" && what != "normals" && what != "height" && what != "occlusion") {
+      return "--bake: " + Printable(what, true) + " is none of colors, normals, height, occlusion";
+    }
+    arguments.bake.push_back(what);
+  }
+  if (!arguments.project) {
+    for (const std::string& what : arguments.bake) {
+      if (what != "colors") return "--bake=" + what + " is for --project: the images of FROM move anyway";
+    }
+    arguments.textures.bake_colors = !arguments.bake.empty();
   }
   return FirstProblem({CheckStreams({arguments.from, arguments.to}), CheckStdout(arguments.output, arguments.json),
                        CheckDestination(arguments.output, "transfer", arguments.from)});
@@ -184,6 +203,15 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
   if (arguments.texture_size != 0) options.size = arguments.texture_size;
+  const auto bakes = [&arguments](const char* what) {
+    return std::find(arguments.bake.begin(), arguments.bake.end(), what) != arguments.bake.end();
+  };
+  if (!arguments.bake.empty()) {
+    options.colors = bakes("colors");
+    options.normals = bakes("normals");
+    options.height = bakes("height");
+    options.occlusion = bakes("occlusion");
+  }
   std::optional<ProjectedMesh> projected;
   DrawImages(arguments.terminal, to.path(), interrupts, {output}, [&](const std::vector<OutputOptions>& watched) {
     absl::StatusOr<ProjectedMesh> done = ProjectSurface(from.file(), to.file(), watched.front(), options);
@@ -200,14 +228,25 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
                                   " within the cage, and have the colours of their neighbours; --cage "
                                   "makes it wider"});
   }
-  Say(arguments, written,
-      Printable(to.path(), true) + " shows the " + (projected->has_colors ? "colours and normals" : "normals") +
-          " of " + Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".",
-      {{"triangles", to.mesh().faces.size()},
-       {"texels", projected->texels},
-       {"missed", projected->missed},
-       {"colors", projected->has_colors},
-       {"seconds", {{"total", timer.Seconds()}}}});
+  if (bakes("colors") && !projected->Has("colors")) {
+    written.warnings.push_back({"COLORS_MISSING", from.path() + " has no colours to bake"});
+  }
+  std::string shown;
+  for (const std::string& what : projected->baked) shown += (shown.empty() ? "" : ", ") + what;
+  std::string summary = Printable(to.path(), true) + " shows " + (shown.empty() ? "nothing" : shown) + " of " +
+                        Printable(from.path(), true) + " in " + Printable(arguments.output, true) + ".";
+  Json json = {{"triangles", to.mesh().faces.size()},
+               {"texels", projected->texels},
+               {"missed", projected->missed},
+               {"baked", projected->baked},
+               {"seconds", {{"total", timer.Seconds()}}}};
+  if (projected->height) {
+    const HeightImage& height = *projected->height;
+    json["height"] = {{"file", height.path}, {"low", height.low}, {"high", height.high}};
+    summary += " " + Printable(height.path, true) + ": black is " + Significant(height.low, 4) + " above it, white " +
+               Significant(height.high, 4) + ".";
+  }
+  Say(arguments, written, summary, std::move(json));
   return kOk;
 }
 
@@ -220,8 +259,10 @@ int TransferFile(const TransferArguments& arguments, Interrupts& interrupts, con
   const bool is_float = IsFloatByNature(outputs.front().format);
   const Uv uv = is_float ? Uv(std::vector<float>(numbers.begin(), numbers.end())) : Uv(numbers);
   WrittenMesh written;
+  // Nothing says for which size the charts of TO were packed: as large as by default, so that they stay apart.
+  const PackOptions packed;
   DrawImages(arguments.terminal, from.path(), interrupts,
-             from.WithTextureSize(outputs, arguments.texture_size, /*atlas_size=*/1, /*padding=*/1, {}),
+             from.WithTextureSize(outputs, arguments.texture_size, packed.texture_size, packed.padding, {}),
              [&](const std::vector<OutputOptions>& watched) { written = from.WithUv(uv, watched); });
   WriteAll(written.files, interrupts);
   Say(arguments, written,

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "client/cli/arguments.h"
 
@@ -17,8 +18,10 @@ struct TransferArguments {
   int texcoord = 0;                    // of `to`
   std::optional<int> output_texcoord;  // of `from`
   bool project = false;                // between surfaces that only lie close
-  double cage_percent = 1;             // how far apart, in hundredths of the diagonal of `to`
-  TextureArguments textures;           // its limits
+  std::string bake_list;
+  std::vector<std::string> bake;  // of bake_list; empty: colours and normals with `project`
+  double cage_percent = 1;        // how far apart, in hundredths of the diagonal of `to`
+  TextureArguments textures;      // its limits
   bool json = false;
   TerminalArguments terminal;
 };

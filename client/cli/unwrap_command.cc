@@ -30,7 +30,7 @@ int Deliver(const UnwrapArguments& arguments, Delivery& delivery, UnwrapResult r
     WriteOutput(arguments.picture, input.Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
   });
   if (!arguments.report.empty()) {
-    WriteOutput(arguments.report, UnwrapReport(input, result, arguments.output.path, arguments.map.options).html);
+    WriteOutput(arguments.report, UnwrapReport(delivery.files(), result, arguments.output.path, arguments.map.options).html);
   }
   return delivery.Tell(result);
 }

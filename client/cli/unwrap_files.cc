@@ -41,6 +41,7 @@ std::map<std::string, std::string> JobLabels(const std::map<std::string, std::st
 UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, int texcoord, const MapArguments& map,
                          const OutputArguments& output)
     : input_(inputs, texcoord),
+      texcoord_(texcoord),
       seam_corners_(input_.SeamCorners(map.seams)),
       uncut_corners_(input_.UncutCorners(map.seams)),
       polygons_(input_.FacePolygons()) {

@@ -37,6 +37,10 @@ class UnwrapFiles {
               const OutputArguments& output);
 
   const MeshInput& input() const { return input_; }
+  // The set of UV that is read, of a glTF.
+  int texcoord() const { return texcoord_; }
+  // The files to write; empty without a path.
+  const std::vector<OutputOptions>& outputs() const { return outputs_; }
   // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
   MeshView view() const;
   // The names of the atlases by their numbers; empty without --atlas-per.
@@ -56,6 +60,7 @@ class UnwrapFiles {
 
  private:
   MeshInput input_;
+  int texcoord_;
   std::vector<std::int32_t> seam_corners_;
   std::vector<std::int32_t> uncut_corners_;
   std::vector<std::int32_t> polygons_;

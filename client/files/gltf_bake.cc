@@ -90,6 +90,33 @@ TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, s
   return bake;
 }
 
+absl::StatusOr<std::vector<std::array<float, 4>>> CornerTangents(const GltfMesh& gltf, const GltfPrimitive& primitive,
+                                                                 const std::vector<float>& positions,
+                                                                 const std::vector<float>& normals,
+                                                                 bool normals_are_given, const std::vector<Vec2>& uv) {
+  const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
+  std::vector<float> given;
+  if (normals_are_given) {
+    PLANISH_ASSIGN_OR_RETURN(given, ReadVertexAttribute(gltf, primitive, "TANGENT", 4));
+  }
+  if (given.empty()) {
+    TangentCorners corners;
+    for (std::size_t c = 0; c < uv.size(); ++c) {
+      const auto v = 3 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
+      corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
+      corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
+      corners.uv.push_back({static_cast<float>(uv[c].x()), static_cast<float>(1 - uv[c].y())});
+    }
+    return ComputeTangents(corners);
+  }
+  std::vector<std::array<float, 4>> tangents(uv.size());
+  for (std::size_t c = 0; c < uv.size(); ++c) {
+    const auto v = 4 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
+    tangents[c] = {given[v], given[v + 1], given[v + 2], given[v + 3]};
+  }
+  return tangents;
+}
+
 absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t p, const GltfTextureUse* use, TextureBake* bake) {
   const GltfMesh& gltf = output.gltf;
   const std::vector<double>& uv = output.uv;
@@ -138,26 +165,8 @@ absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t p, const Glt
 
   bool normals_are_given = false;
   PLANISH_ASSIGN_OR_RETURN(const std::vector<float> normals, CornerNormals(gltf, primitive, &normals_are_given));
-  std::vector<float> given;
-  if (normals_are_given) {
-    PLANISH_ASSIGN_OR_RETURN(given, ReadVertexAttribute(gltf, primitive, "TANGENT", 4));
-  }
-  std::vector<std::array<float, 4>> before(count);
-  if (given.empty()) {
-    TangentCorners corners;
-    for (std::size_t c = 0; c < count; ++c) {
-      const auto v = 3 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
-      corners.positions.push_back({positions[v], positions[v + 1], positions[v + 2]});
-      corners.normals.push_back({normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]});
-      corners.uv.push_back({static_cast<float>(from[c].x()), static_cast<float>(1 - from[c].y())});
-    }
-    before = ComputeTangents(corners);
-  } else {
-    for (std::size_t c = 0; c < count; ++c) {
-      const auto v = 4 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
-      before[c] = {given[v], given[v + 1], given[v + 2], given[v + 3]};
-    }
-  }
+  PLANISH_ASSIGN_OR_RETURN(const auto before,
+                           CornerTangents(gltf, primitive, positions, normals, normals_are_given, from));
   for (std::size_t c = 0; c < count; ++c) {
     bake->frames.push_back(
         {{normals[3 * c], normals[3 * c + 1], normals[3 * c + 2]}, before[c], output.tangents[first + c]});

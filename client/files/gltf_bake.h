@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/mesh_output.h"
@@ -32,6 +33,13 @@ TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, s
 // OPTIONS_INVALID if the primitive lies in several tiles.
 absl::Status AddGltfTriangles(const GltfOutput& output, std::size_t primitive, const GltfTextureUse* use,
                               TextureBake* bake);
+
+// The tangents at the corners of a primitive's triangles for a normal map that is read with `uv`, v downwards: TANGENT,
+// or those of MikkTSpace. `positions` of vertices; `normals` and `normals_are_given` as CornerNormals() returns them.
+absl::StatusOr<std::vector<std::array<float, 4>>> CornerTangents(const GltfMesh& gltf, const GltfPrimitive& primitive,
+                                                                 const std::vector<float>& positions,
+                                                                 const std::vector<float>& normals,
+                                                                 bool normals_are_given, const std::vector<Vec2>& uv);
 
 // Checks that these textures of a material can be resampled: no animation moves them, and the headers of their images
 // can be read. Skips the images in `seen`, and adds the others to it.

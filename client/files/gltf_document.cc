@@ -1,5 +1,6 @@
 #include "client/files/gltf_document.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
@@ -109,6 +110,22 @@ absl::Status CheckVersion(const GltfDocument& document) {
   return absl::OkStatus();
 }
 
+// Lists of the root that are there must be lists: of objects, and of the names of extensions.
+absl::Status CheckLists(const GltfDocument& document) {
+  for (const char* key : {"accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials",
+                          "meshes", "nodes", "samplers", "scenes", "skins", "textures"}) {
+    PLANISH_RETURN_IF_ERROR(GltfArray(document, key).status());
+  }
+  for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
+    const auto names = document.json.find(key);
+    if (names == document.json.end()) continue;
+    const bool are_names = names->is_array() &&
+                           std::all_of(names->begin(), names->end(), [](const Json& name) { return name.is_string(); });
+    if (!are_names) return GltfFault(document, key, "not an array of names");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status LoadBuffers(const std::optional<std::string_view>& binary, GltfDocument* document) {
   PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(*document, "buffers"));
   for (std::size_t i = 0; i < buffers->size(); ++i) {
@@ -158,6 +175,7 @@ absl::StatusOr<GltfDocument> ParseGltf(const std::string& path, std::string_view
   PLANISH_ASSIGN_OR_RETURN(document.json, ParseJson(path, container.json));
   document.indent = IndentOf(container.json);
   PLANISH_RETURN_IF_ERROR(CheckVersion(document));
+  PLANISH_RETURN_IF_ERROR(CheckLists(document));
   PLANISH_RETURN_IF_ERROR(LoadBuffers(container.binary, &document));
   PLANISH_RETURN_IF_ERROR(DecompressMeshopt(&document));
   return document;
@@ -219,6 +237,12 @@ const Json* GltfObject(const Json& object, const char* key) {
 std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise) {
   const auto found = object.find(key);
   return found == object.end() || !found->is_number_integer() ? otherwise : found->get<std::int64_t>();
+}
+
+double GltfNumberAt(const Json& root, const Json::json_pointer& at, double otherwise) {
+  constexpr double kLargest = std::numeric_limits<float>::max();
+  if (!root.contains(at) || !root[at].is_number()) return otherwise;
+  return std::clamp(root[at].get<double>(), -kLargest, kLargest);
 }
 
 std::string GltfName(const Json& object, const char* kind, std::int64_t index) {

@@ -59,6 +59,9 @@ const Json* GltfObject(const Json& object, const char* key);
 // The integer `key` of `object`; `otherwise` where it is missing or no integer.
 std::int64_t GltfIntAt(const Json& object, const char* key, std::int64_t otherwise);
 
+// The number at `at` in `root`, clamped to the range of float; `otherwise` if there is no number.
+double GltfNumberAt(const Json& root, const Json::json_pointer& at, double otherwise);
+
 // The member "name" of `object`, or "kind_index" if it has none.
 std::string GltfName(const Json& object, const char* kind, std::int64_t index);
 

@@ -22,25 +22,15 @@ const Json* Element(const Json& root, const char* key, std::int64_t index) {
   return element.is_object() ? &element : nullptr;
 }
 
-double Number(const Json& object, const char* key, double otherwise) {
-  const auto found = object.find(key);
-  return found == object.end() || !found->is_number() ? otherwise : found->get<double>();
-}
-
-std::array<double, 2> Pair(const Json& object, const char* key, double otherwise) {
-  const auto found = object.find(key);
-  if (found == object.end() || !found->is_array() || found->size() != 2) return {otherwise, otherwise};
-  std::array<double, 2> pair = {otherwise, otherwise};
-  for (std::size_t i = 0; i < 2; ++i) {
-    if ((*found)[i].is_number()) pair[i] = (*found)[i].get<double>();
-  }
-  return pair;
+std::array<double, 2> Pair(const Json& object, const Json::json_pointer& at, double otherwise) {
+  return {GltfNumberAt(object, at / 0, otherwise), GltfNumberAt(object, at / 1, otherwise)};
 }
 
 // The matrix translation * rotation * scale, as in the GLSL of KHR_texture_transform.
 std::array<double, 6> TransformOf(const Json& json) {
-  const std::array<double, 2> offset = Pair(json, "offset", 0), scale = Pair(json, "scale", 1);
-  const double angle = Number(json, "rotation", 0), c = std::cos(angle), s = std::sin(angle);
+  const std::array<double, 2> offset = Pair(json, Json::json_pointer("/offset"), 0),
+                              scale = Pair(json, Json::json_pointer("/scale"), 1);
+  const double angle = GltfNumberAt(json, Json::json_pointer("/rotation"), 0), c = std::cos(angle), s = std::sin(angle);
   return {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
 }
 
@@ -77,7 +67,7 @@ void FindUses(const Json& root, const Json& object, const Json::json_pointer& at
     use.name = ImageNameOfTexture(root, use.texture);
     use.is_normal = key.ends_with("ormalTexture");
     use.meaning = MeaningOf(key);
-    if (use.is_normal) use.normal_scale = Number(value, "scale", 1);
+    if (use.is_normal) use.normal_scale = GltfNumberAt(value, Json::json_pointer("/scale"), 1);
     use.has_alpha = !is_opaque && (key == "baseColorTexture" || key == "diffuseTexture");
     std::int64_t texcoord = GltfIntAt(value, "texCoord", 0);
     if (const Json* const extensions = GltfObject(value, "extensions")) {
@@ -129,24 +119,6 @@ std::vector<GltfTextureUse> TextureUses(const Json& root, std::int64_t index) {
 }
 
 namespace {
-
-// Removes the elements that `gone` marks from the root's array `key`, and the array itself if no element is left.
-// Returns the new index of each element that stays.
-std::vector<std::int64_t> TakeOut(const std::vector<bool>& gone, const char* key, Json* root) {
-  std::vector<std::int64_t> index(gone.size(), -1);
-  Json left = Json::array();
-  for (std::size_t i = 0; i < gone.size(); ++i) {
-    if (gone[i]) continue;
-    index[i] = static_cast<std::int64_t>(left.size());
-    left.push_back((*root)[key][i]);
-  }
-  if (left.empty()) {
-    root->erase(key);
-  } else {
-    (*root)[key] = std::move(left);
-  }
-  return index;
-}
 
 std::size_t SizeOf(const Json& root, const char* key) {
   const auto array = root.find(key);
@@ -209,7 +181,7 @@ void RemoveUnusedMaterials(const std::set<std::int64_t>& materials, GltfPatch* p
     const auto material = reference->get<std::int64_t>();
     if (material >= 0 && material < std::ssize(gone)) gone[static_cast<std::size_t>(material)] = false;
   });
-  const std::vector<std::int64_t> index = TakeOut(gone, "materials", &root);
+  const std::vector<std::int64_t> index = TakeOutOfRoot(gone, "materials", &root);
   ForEachMaterial(root, [&index](Json* reference) {
     const auto material = reference->get<std::int64_t>();
     if (material >= 0 && material < std::ssize(index)) *reference = index[static_cast<std::size_t>(material)];
@@ -249,7 +221,7 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
   }
   std::vector<std::vector<GltfTextureSource>> sources;
   for (std::int64_t t = 0; t < num_textures; ++t) sources.push_back(TextureSources(root, t));
-  const std::vector<std::int64_t> new_image = TakeOut(image_gone, "images", &root);
+  const std::vector<std::int64_t> new_image = TakeOutOfRoot(image_gone, "images", &root);
   for (std::size_t t = 0; t < sources.size(); ++t) {
     for (const GltfTextureSource& source : sources[t]) {
       if (gone[t] || source.image < 0 || source.image >= num_images) continue;
@@ -258,7 +230,7 @@ void RemoveUnreadTextures(const std::set<std::int64_t>& textures, GltfPatch* pat
       holder["source"] = new_image[static_cast<std::size_t>(source.image)];
     }
   }
-  const std::vector<std::int64_t> new_texture = TakeOut(gone, "textures", &root);
+  const std::vector<std::int64_t> new_texture = TakeOutOfRoot(gone, "textures", &root);
   for (std::size_t m = 0; m < uses.size(); ++m) {
     for (const GltfTextureUse& use : uses[m]) {
       if (use.texture < 0 || use.texture >= num_textures) continue;

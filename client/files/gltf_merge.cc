@@ -42,18 +42,18 @@ bool HasVariants(const Json& primitive) {
   return extensions != nullptr && GltfObject(*extensions, kVariantsOfMaterials) != nullptr;
 }
 
-// How many primitives and variants use a material. Primitives with the default material, -1, are not counted.
-std::int64_t UsesOf(const Json& root, std::int64_t material) {
-  std::int64_t uses = 0;
+// How often primitives and variants use each material.
+std::map<std::int64_t, std::int64_t> UsesOfMaterials(const Json& root) {
+  std::map<std::int64_t, std::int64_t> uses;
   for (const Json& mesh : root["meshes"]) {
     for (const Json& primitive : mesh["primitives"]) {
-      if (material >= 0 && GltfIntAt(primitive, "material", -1) == material) ++uses;
-      const Json& mappings = VariantMappings(primitive);
-      uses += std::count_if(mappings.begin(), mappings.end(), [material](const Json& mapping) {
-        return mapping.is_object() && GltfIntAt(mapping, "material", -1) == material;
-      });
+      ++uses[GltfIntAt(primitive, "material", -1)];
+      for (const Json& mapping : VariantMappings(primitive)) {
+        if (mapping.is_object()) ++uses[GltfIntAt(mapping, "material", -1)];
+      }
     }
   }
+  uses.erase(-1);  // the default one
   return uses;
 }
 
@@ -113,7 +113,11 @@ void GltfMerge::FindGroups() {
   if (!merges && !options_.textures.bake_colors) return;
   const std::vector<std::int32_t>& atlases = options_.textures.polygon_atlas;
   const std::set<std::int64_t> varying = MaterialsOfVariants(root_);
-  std::map<std::string, MergedGroup> by_key;
+  struct Found {
+    MergedGroup group;
+    std::map<std::int64_t, std::size_t> member_of_material;
+  };
+  std::map<std::string, Found> by_key;
   std::vector<std::string> key_of(gltf_.primitives.size());
   for (std::size_t p = 0; p < gltf_.primitives.size(); ++p) {
     const GltfPrimitive& primitive = gltf_.primitives[p];
@@ -130,22 +134,17 @@ void GltfMerge::FindGroups() {
     key.push_back(merges && !is_alone ? KindOf(member.json, member.uses) : Json(material));
     bakes_colors_[p] = CanBakeColors(p);
     key_of[p] = key.dump(-1, ' ', false, Json::error_handler_t::replace);
-    MergedGroup& group = by_key[key_of[p]];
+    auto& [group, member_of_material] = by_key[key_of[p]];
     group.has_colors = group.has_colors || bakes_colors_[p];
-    const auto known = std::find_if(group.members.begin(), group.members.end(),
-                                    [material](const MergedMember& each) { return each.material == material; });
-    if (known == group.members.end()) {
-      member.primitives.push_back(p);
-      group.members.push_back(std::move(member));
-    } else {
-      known->primitives.push_back(p);
-    }
+    const auto [known, is_new] = member_of_material.emplace(material, group.members.size());
+    if (is_new) group.members.push_back(std::move(member));
+    group.members[known->second].primitives.push_back(p);
   }
   // Makes the groups in the order of the primitives.
   for (const std::string& key : key_of) {
     const auto found = by_key.find(key);
     if (found == by_key.end()) continue;
-    MergedGroup group = std::move(found->second);
+    MergedGroup group = std::move(found->second.group);
     by_key.erase(found);
     if (group.members.size() < 2 && !group.has_colors) continue;
     bool has_directions = false;
@@ -331,6 +330,7 @@ absl::Status GltfMerge::Write(const GltfOutput& output, std::size_t drawn, Textu
                               WrittenMesh* written) const {
   const std::size_t total = drawn + num_images();
   std::set<std::int64_t> old_materials, old_textures;
+  std::map<std::int64_t, std::int64_t> uses = UsesOfMaterials(root_);
   for (const MergedGroup& group : groups_) {
     MergePlan plan = PlanMerge(group);
     for (const PlannedImage& image : plan.images) {
@@ -355,7 +355,7 @@ absl::Status GltfMerge::Write(const GltfOutput& output, std::size_t drawn, Textu
     }
     // A material that only these primitives use keeps its number, because animations refer to materials by number.
     const MergedMember& first = group.members[0];
-    if (group.members.size() == 1 && UsesOf(root_, first.material) == std::ssize(first.primitives)) {
+    if (group.members.size() == 1 && uses[first.material] == std::ssize(first.primitives)) {
       root["materials"][static_cast<std::size_t>(first.material)] = std::move(plan.material);
       continue;
     }

@@ -17,16 +17,13 @@ const Pointer kMetallicRoughness("/pbrMetallicRoughness/metallicRoughnessTexture
 const Pointer kOcclusion("/occlusionTexture");
 const Pointer kEmissive("/emissiveTexture");
 
-float NumberAt(const Json& json, const Pointer& at, float otherwise) {
-  return json.contains(at) && json[at].is_number() ? json[at].get<float>() : otherwise;
+float FloatAt(const Json& json, const Pointer& at, float otherwise) {
+  return static_cast<float>(GltfNumberAt(json, at, otherwise));
 }
 
 // The first four numbers of an array, filled up from `otherwise`.
 Factor FactorAt(const Json& json, const Pointer& at, Factor otherwise) {
-  if (!json.contains(at) || !json[at].is_array()) return otherwise;
-  for (std::size_t i = 0; i < 4 && i < json[at].size(); ++i) {
-    if (json[at][i].is_number()) otherwise[i] = json[at][i].get<float>();
-  }
+  for (std::size_t i = 0; i < 4; ++i) otherwise[i] = FloatAt(json, at / i, otherwise[i]);
   return otherwise;
 }
 
@@ -154,18 +151,18 @@ class MergePlanner {
     bool equal_metal = false, equal_rough = false, equal_strength = false;
     const std::vector<float> metal = OfMembers<float>(
         [](const MergedMember& member) {
-          return NumberAt(member.json, Pointer("/pbrMetallicRoughness/metallicFactor"), 1);
+          return FloatAt(member.json, Pointer("/pbrMetallicRoughness/metallicFactor"), 1);
         },
         &equal_metal);
     const std::vector<float> rough = OfMembers<float>(
         [](const MergedMember& member) {
-          return NumberAt(member.json, Pointer("/pbrMetallicRoughness/roughnessFactor"), 1);
+          return FloatAt(member.json, Pointer("/pbrMetallicRoughness/roughnessFactor"), 1);
         },
         &equal_rough);
     // Members without occlusion do not count, since any strength suits them.
     std::set<float> strengths;
     for (const MergedMember& member : group_.members) {
-      if (member.UseAt(kOcclusion) != nullptr) strengths.insert(NumberAt(member.json, kOcclusion / "strength", 1));
+      if (member.UseAt(kOcclusion) != nullptr) strengths.insert(FloatAt(member.json, kOcclusion / "strength", 1));
     }
     equal_strength = strengths.size() <= 1;
     const bool has_occlusion = HasImage(kOcclusion);
@@ -190,7 +187,7 @@ class MergePlanner {
         const GltfTextureUse* const use = surface != nullptr ? surface : occlusion;
         BakeOptions options = {TextureMeaning::kData, false, 1};
         if (occlusion != nullptr && !equal_strength) {
-          options.factor[0] = NumberAt(member.json, kOcclusion / "strength", 1);
+          options.factor[0] = FloatAt(member.json, kOcclusion / "strength", 1);
           options.offset[0] = 1 - options.factor[0];
         } else if (occlusion == nullptr) {
           options.factor[0] = 0;

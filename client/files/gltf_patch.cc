@@ -30,12 +30,88 @@ bool RefersToNoBytes(std::string_view extension) {
   return extension == kDracoExtension;
 }
 
+// Calls action(element) for the elements of an array or object that `object` may have.
+template <typename Value, typename Action>
+void ForEach(Value& object, const char* key, const Action& action) {
+  if (!object.is_object()) return;
+  const auto list = object.find(key);
+  if (list == object.end() || !list->is_structured()) return;
+  for (auto& value : *list) action(value);
+}
+
+// Calls action(index) if `object` has an index there.
+template <typename Value, typename Action>
+void AtIndex(Value& object, const char* key, const Action& action) {
+  if (!object.is_object()) return;
+  const auto index = object.find(key);
+  if (index != object.end() && index->is_number_integer()) action(*index);
+}
+
+// Calls action(index) for each reference to an accessor, but for those of unknown extensions.
+template <typename Value, typename Action>
+void ForEachAccessorIndex(Value& root, const Action& action) {
+  const auto attribute = [&action](auto& index) {
+    if (index.is_number_integer()) action(index);
+  };
+  ForEach(root, "meshes", [&](auto& mesh) {
+    ForEach(mesh, "primitives", [&](auto& primitive) {
+      AtIndex(primitive, "indices", action);
+      ForEach(primitive, "attributes", attribute);
+      ForEach(primitive, "targets", [&](auto& target) {
+        if (!target.is_object()) return;
+        for (auto& index : target) attribute(index);
+      });
+    });
+  });
+  ForEach(root, "animations", [&](auto& animation) {
+    ForEach(animation, "samplers", [&](auto& sampler) {
+      AtIndex(sampler, "input", action);
+      AtIndex(sampler, "output", action);
+    });
+  });
+  ForEach(root, "skins", [&](auto& skin) { AtIndex(skin, "inverseBindMatrices", action); });
+}
+
+// The same for views.
+template <typename Value, typename Action>
+void ForEachViewIndex(Value& root, const Action& action) {
+  ForEach(root, "meshes", [&](auto& mesh) {
+    ForEach(mesh, "primitives", [&](auto& primitive) {
+      if (DracoJson(primitive) != nullptr) AtIndex(primitive["extensions"][kDracoExtension], "bufferView", action);
+    });
+  });
+  ForEach(root, "images", [&](auto& image) { AtIndex(image, "bufferView", action); });
+  ForEach(root, "accessors", [&](auto& accessor) {
+    AtIndex(accessor, "bufferView", action);
+    if (GltfObject(accessor, "sparse") == nullptr) return;
+    for (const char* part : {"indices", "values"}) {
+      if (GltfObject(accessor["sparse"], part) != nullptr) AtIndex(accessor["sparse"][part], "bufferView", action);
+    }
+  });
+}
+
 Json& ArrayAt(Json& root, const char* key) {
   if (!root.contains(key)) root[key] = Json::array();
   return root[key];
 }
 
 }  // namespace
+
+std::vector<std::int64_t> TakeOutOfRoot(const std::vector<bool>& gone, const char* key, Json* root) {
+  std::vector<std::int64_t> index(gone.size(), -1);
+  Json left = Json::array();
+  for (std::size_t i = 0; i < gone.size(); ++i) {
+    if (gone[i]) continue;
+    index[i] = static_cast<std::int64_t>(left.size());
+    left.push_back(std::move((*root)[key][i]));
+  }
+  if (left.empty()) {
+    root->erase(key);
+  } else {
+    (*root)[key] = std::move(left);
+  }
+  return index;
+}
 
 GltfPatch::GltfPatch(const GltfDocument& document) : document_(document), json_(document.json) {
   ArrayAt(json_, "accessors");
@@ -72,55 +148,14 @@ void GltfPatch::CountUses() {
   };
   extensions(extensions, json_);
 
-  const auto each = [](const Json& object, const char* key, const auto& action) {
-    const auto array = object.find(key);
-    if (array == object.end() || !array->is_structured()) return;
-    for (const Json& value : *array) action(value);
-  };
-  const auto attribute = [this](const Json& index) {
-    if (index.is_number_integer()) Count(index.get<std::int64_t>(), &accessor_uses_);
-  };
-  each(json_, "meshes", [&](const Json& mesh) {
-    each(mesh, "primitives", [&](const Json& primitive) {
-      if (!primitive.is_object()) return;
-      Count(GltfIntAt(primitive, "indices", -1), &accessor_uses_);
-      each(primitive, "attributes", attribute);
-      each(primitive, "targets", [&](const Json& target) {
-        if (!target.is_object()) return;
-        for (const Json& index : target) attribute(index);
-      });
-      if (const Json* const draco = DracoJson(primitive)) Count(GltfIntAt(*draco, "bufferView", -1), &view_uses_);
-    });
-  });
-  each(json_, "animations", [&](const Json& animation) {
-    each(animation, "samplers", [&](const Json& sampler) {
-      if (!sampler.is_object()) return;
-      Count(GltfIntAt(sampler, "input", -1), &accessor_uses_);
-      Count(GltfIntAt(sampler, "output", -1), &accessor_uses_);
-    });
-  });
-  each(json_, "skins", [&](const Json& skin) {
-    if (skin.is_object()) Count(GltfIntAt(skin, "inverseBindMatrices", -1), &accessor_uses_);
-  });
-  each(json_, "images", [&](const Json& image) {
-    if (image.is_object()) Count(GltfIntAt(image, "bufferView", -1), &view_uses_);
-  });
-  each(json_, "accessors", [&](const Json& accessor) {
-    Count(GltfIntAt(accessor, "bufferView", -1), &view_uses_);
-    const Json* const sparse = GltfObject(accessor, "sparse");
-    if (sparse == nullptr) return;
-    for (const char* part : {"indices", "values"}) {
-      if (const Json* const object = GltfObject(*sparse, part))
-        Count(GltfIntAt(*object, "bufferView", -1), &view_uses_);
-    }
-  });
+  ForEachAccessorIndex(json_, [this](const Json& index) { Count(index.get<std::int64_t>(), &accessor_uses_); });
+  ForEachViewIndex(json_, [this](const Json& index) { Count(index.get<std::int64_t>(), &view_uses_); });
 }
 
 void GltfPatch::ReleaseView(std::int64_t view) {
   if (view < 0 || view >= static_cast<std::int64_t>(view_uses_.size())) return;
   if (--view_uses_[static_cast<std::size_t>(view)] > 0) return;
-  free_views_.push_back(view);
-  std::sort(free_views_.rbegin(), free_views_.rend());
+  free_views_.insert(std::upper_bound(free_views_.begin(), free_views_.end(), view, std::greater<>()), view);
 }
 
 void GltfPatch::ReleaseViews(const Json& accessor) {
@@ -164,6 +199,41 @@ void GltfPatch::DropFreeViews() {
   for (const std::int64_t view : free_views_) {
     views[static_cast<std::size_t>(view)] = {{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 1}};
   }
+}
+
+void GltfPatch::Compact() {
+  if (has_unknown_indices_) return;
+  std::vector<bool> gone(json_["accessors"].size(), false);
+  for (std::size_t a = 0; a < gone.size(); ++a) {
+    const Json& accessor = json_["accessors"][a];
+    gone[a] = accessor_uses_[a] <= 0 && !accessor.contains("bufferView") && !accessor.contains("sparse");
+  }
+  const std::vector<std::int64_t> accessor = TakeOutOfRoot(gone, "accessors", &json_);
+  ArrayAt(json_, "accessors");
+  const auto renumber = [](const std::vector<std::int64_t>& numbers) {
+    return [&numbers](Json& index) {
+      const auto old = index.get<std::int64_t>();
+      if (old >= 0 && old < std::ssize(numbers)) index = numbers[static_cast<std::size_t>(old)];
+    };
+  };
+  ForEachAccessorIndex(json_, renumber(accessor));
+  free_accessors_.clear();
+
+  gone.assign(json_["bufferViews"].size(), false);
+  for (std::size_t v = 0; v < gone.size(); ++v) {
+    gone[v] = view_uses_[v] <= 0 && GltfIntAt(json_["bufferViews"][v], "byteLength", 0) <= 1;  // DropFreeViews()
+  }
+  for (const std::int64_t view : free_views_) gone[static_cast<std::size_t>(view)] = true;
+  const std::vector<std::int64_t> view = TakeOutOfRoot(gone, "bufferViews", &json_);
+  ArrayAt(json_, "bufferViews");
+  ForEachViewIndex(json_, renumber(view));
+  free_views_.clear();
+  std::map<std::int64_t, std::string> moved;
+  for (auto& [old, bytes] : new_views_) moved[view[static_cast<std::size_t>(old)]] = std::move(bytes);
+  new_views_ = std::move(moved);
+  accessor_uses_.assign(json_["accessors"].size(), 0);
+  view_uses_.assign(json_["bufferViews"].size(), 0);
+  CountUses();
 }
 
 std::int64_t GltfPatch::SlotFor(std::int64_t old, std::int64_t uses) {

@@ -11,9 +11,13 @@
 
 namespace planish {
 
-// Indices of accessors and bufferViews never change, since extensions may refer to them in unknown ways. An accessor is
-// replaced in place if nothing else uses it; otherwise the new one is added at the end. New bytes go into views that
-// are no longer used, if there are any. Whatever looks like an index in an unknown extension counts as a use.
+// Takes the elements `gone` out of the root's array `key`, and the array if nothing is left. Returns the new index of
+// each that stays, and -1 for the others.
+std::vector<std::int64_t> TakeOutOfRoot(const std::vector<bool>& gone, const char* key, Json* root);
+
+// Until Compact(), indices of accessors and bufferViews do not change, since extensions may refer to them in unknown
+// ways. An accessor is replaced in place if nothing else uses it; otherwise the new one is added at the end. Unused
+// views get the new bytes. Anything in an unknown extension that looks like an index counts as a use.
 class GltfPatch {
  public:
   // Works on a copy of document.json. `document` must have been read by ReadGltf, and outlive the object.
@@ -37,6 +41,10 @@ class GltfPatch {
   void ReleaseView(std::int64_t old);
   // Whether an unknown extension has whole numbers, which may be indices of anything.
   bool has_unknown_indices() const { return has_unknown_indices_; }
+
+  // Removes accessors and views that nothing uses and that have lost their bytes, here or in an earlier patch. Others
+  // get smaller indices. Does nothing if has_unknown_indices().
+  void Compact();
 
   // Lays out the single buffer of the edited document: first the old bytes still in use, unchanged and with the same
   // alignment, then the new ones. json() then has offsets and lengths, and a buffer without a URI.

@@ -58,6 +58,8 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   const std::int64_t count = materials == root_.end() ? 0 : static_cast<std::int64_t>(materials->size());
   const std::string uv_name = "TEXCOORD_" + std::to_string(options.texcoord);
   const std::vector<std::int32_t>& atlas_of = options.textures.polygon_atlas;
+  std::map<std::int64_t, std::vector<Place>> places_of;
+  if (count > 0) places_of = PlacesOfMaterials();
   for (std::int64_t m = 0; m < count; ++m) {
     std::vector<GltfTextureUse> uses = TextureUses(root_, m);
     // Textures that use another set of UV still fit, and stay as they are.
@@ -65,7 +67,7 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
       return use.texcoord != options.texcoord || TextureSources(root_, use.texture).empty();
     });
     if (uses.empty()) continue;
-    const std::vector<Place> places = PlacesOf(m);
+    const std::vector<Place>& places = places_of[m];
     std::map<std::int32_t, Group> by_atlas;
     bool had_uv = false;
     bool has_others = false;
@@ -98,24 +100,24 @@ GltfTextures::GltfTextures(const GltfMesh& gltf, const OutputOptions& options)
   }
 }
 
-std::vector<GltfTextures::Place> GltfTextures::PlacesOf(std::int64_t material) const {
+std::map<std::int64_t, std::vector<GltfTextures::Place>> GltfTextures::PlacesOfMaterials() const {
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> triangles;
   for (std::size_t i = 0; i < gltf_.primitives.size(); ++i) {
     triangles[{gltf_.primitives[i].mesh, gltf_.primitives[i].primitive}] = i;
   }
-  std::vector<Place> places;
+  std::map<std::int64_t, std::vector<Place>> places;
   const Json& meshes = root_["meshes"];
   for (std::size_t m = 0; m < meshes.size(); ++m) {
     const Json& primitives = meshes[m]["primitives"];
     for (std::size_t p = 0; p < primitives.size(); ++p) {
       Place place = {m, p, std::nullopt, std::nullopt};
       if (const auto found = triangles.find({m, p}); found != triangles.end()) place.triangles = found->second;
-      if (GltfIntAt(primitives[p], "material", -1) == material) places.push_back(place);
+      places[GltfIntAt(primitives[p], "material", -1)].push_back(place);
       const Json& mappings = VariantMappings(primitives[p]);
       for (std::size_t i = 0; i < mappings.size(); ++i) {
-        if (!mappings[i].is_object() || GltfIntAt(mappings[i], "material", -1) != material) continue;
+        if (!mappings[i].is_object()) continue;
         place.mapping = i;
-        places.push_back(place);
+        places[GltfIntAt(mappings[i], "material", -1)].push_back(place);
       }
     }
   }

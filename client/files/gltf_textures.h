@@ -81,7 +81,7 @@ class GltfTextures {
     std::int64_t slot = -1;
   };
 
-  std::vector<Place> PlacesOf(std::int64_t material) const;
+  std::map<std::int64_t, std::vector<Place>> PlacesOfMaterials() const;
   absl::StatusOr<std::string> ImageBytes(std::int64_t image) const;
   std::size_t FindReading(const Group& group, const GltfTextureUse& use, std::int64_t image);
   std::size_t FindTexture(const Group& group, const GltfTextureUse& use);

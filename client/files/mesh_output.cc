@@ -4,6 +4,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "client/files/gltf_document.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_textures.h"
 #include "client/files/obj_textures.h"
@@ -122,13 +123,25 @@ absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
   return absl::OkStatus();
 }
 
-}  // namespace
-
-bool IsFloatByNature(MeshFormat format) {
-  return IsGltf(format) || format == MeshFormat::kDraco;
+// Returns the result of work(), or its exception as an error. Values of a glTF's JSON that nobody checked have whatever
+// type the file gives them.
+template <typename Work>
+auto Guarded(const MeshFile& file, const OutputOptions& options, const Work& work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+  } catch (const std::length_error&) {
+  } catch (const Json::exception& error) {
+    if (!file.gltf) return InternalError(options.path + ": " + error.what());
+    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_MALFORMED",
+                     file.path + ": a value of the JSON is of another kind than glTF has there: " + error.what(),
+                     {{"path", file.path}});
+  }
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                   options.path + ": not enough memory to write the file", {{"path", options.path}});
 }
 
-absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
+absl::Status CheckOutputUnguarded(const MeshFile& file, const OutputOptions& options) {
   if (options.format == MeshFormat::kStl) {
     return Unsupported(options.path +
                        ": STL has no place for UV; give a name that ends in .obj, .ply, .off, .gltf, .glb or .drc");
@@ -155,12 +168,20 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
   return GltfTextures(*file.gltf, options).Check();
 }
 
+}  // namespace
+
+bool IsFloatByNature(MeshFormat format) {
+  return IsGltf(format) || format == MeshFormat::kDraco;
+}
+
+absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
+  return Guarded(file, options, [&] { return CheckOutputUnguarded(file, options); });
+}
+
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area) {
   if (options.textures.mode != TextureMode::kTransfer) return 0.0;
-  try {
-    if (IsGltf(options.format) && file.gltf) return GltfTextures(*file.gltf, options).EstimateSide(total_area);
-  } catch (const Json::exception& error) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_MALFORMED", file.path + ": " + error.what());
+  if (IsGltf(options.format) && file.gltf) {
+    return Guarded(file, options, [&] { return GltfTextures(*file.gltf, options).EstimateSide(total_area); });
   }
   if (PaintsColors(file, options)) return EstimatePaintedSide(file, total_area);
   if (options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !IsStream(options.path)) {
@@ -189,15 +210,7 @@ absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const PolygonU
                          ": this format holds UV as float, and these need double; ask for float "
                          "(--precision=float), or write .obj, .ply or .off");
   }
-  try {
-    return Write(file, uv, options);
-  } catch (const std::bad_alloc&) {
-  } catch (const std::length_error&) {
-  } catch (const Json::exception& error) {
-    return InternalError(options.path + ": " + error.what());
-  }
-  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
-                   options.path + ": not enough memory to write the file", {{"path", options.path}});
+  return Guarded(file, options, [&] { return Write(file, uv, options); });
 }
 
 }  // namespace planish

@@ -1,5 +1,6 @@
 #include "client/files/surface_projection.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include "Eigen/Geometry"
 #include "client/files/gltf_accessor.h"
 #include "client/files/gltf_attribute.h"
+#include "client/files/gltf_bake.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
@@ -51,7 +53,7 @@ Rgb ToRgb(const Vec3& v) {
 struct ProjectedLooks {
   Triangulation triangles;
   ProjectionSource source;
-  std::vector<TextureImage> images;  // decoded; the source refers to them
+  std::vector<TextureImage> colors, normals;  // decoded; the source refers to them
 };
 
 class LooksReader {
@@ -81,8 +83,9 @@ class LooksReader {
         break;
     }
     looks_.source.mesh = &looks_.triangles.mesh;
-    for (std::size_t i = 0; i < looks_.images.size(); ++i) {
-      looks_.source.images[i].image = &looks_.images[i];
+    for (FaceImages* const maps : {&looks_.source.color_maps, &looks_.source.normal_maps}) {
+      std::vector<TextureImage>& images = maps == &looks_.source.color_maps ? looks_.colors : looks_.normals;
+      for (std::size_t i = 0; i < images.size(); ++i) maps->images[i].image = &images[i];
     }
     return absl::OkStatus();
   }
@@ -97,15 +100,17 @@ class LooksReader {
     }
     return result;
   }
-  void SetImages(const std::vector<std::int32_t>& of_polygon, const std::vector<Vec2>& of_corner) {
-    if (looks_.images.empty()) return;
+  void SetImages(const std::vector<std::int32_t>& of_polygon, const std::vector<Vec2>& of_corner, FaceImages* maps) {
+    if (maps->images.empty()) return;
     const std::vector<Vec2> uv = OfTriangles(of_corner);
     for (std::size_t f = 0; f < looks_.triangles.mesh.faces.size(); ++f) {
-      looks_.source.face_image.push_back(of_polygon[static_cast<std::size_t>(looks_.triangles.source_polygon[f])]);
-      looks_.source.uv.push_back({uv[3 * f], uv[3 * f + 1], uv[3 * f + 2]});
+      maps->of_face.push_back(of_polygon[static_cast<std::size_t>(looks_.triangles.source_polygon[f])]);
+      maps->uv.push_back({uv[3 * f], uv[3 * f + 1], uv[3 * f + 2]});
     }
   }
-  absl::StatusOr<std::int32_t> AddImage(const std::string& bytes, const std::string& name, TextureSource source) {
+  // Returns its number in `images`, which belong to `maps`.
+  absl::StatusOr<std::int32_t> AddImage(const std::string& bytes, const std::string& name, TextureSource source,
+                                        FaceImages* maps, std::vector<TextureImage>* images) {
     PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, name));
     // TextureLevels adds four floats per texel.
     memory_ += header.bytes() + 16 * header.texels();
@@ -117,9 +122,9 @@ class LooksReader {
                        {{"image", name}, {"bytes", std::to_string(memory_)}});
     }
     PLANISH_ASSIGN_OR_RETURN(TextureImage image, DecodeImage(bytes, name));
-    looks_.images.push_back(std::move(image));
-    looks_.source.images.push_back(source);
-    return static_cast<std::int32_t>(looks_.images.size()) - 1;
+    images->push_back(std::move(image));
+    maps->images.push_back(source);
+    return static_cast<std::int32_t>(images->size()) - 1;
   }
 
   absl::Status ReadGltfLooks() {
@@ -129,6 +134,11 @@ class LooksReader {
     std::vector<Vec2> uv(corners_, Vec2::Zero());
     std::vector<std::int32_t> image_of(static_cast<std::size_t>(file_.mesh.num_polygons()), -1);
     std::map<std::int64_t, std::int32_t> image_of_material;
+    // The same of normal maps.
+    std::vector<Vec2> normal_uv(corners_, Vec2::Zero());
+    std::vector<std::array<float, 4>> tangents(corners_, std::array<float, 4>{1, 0, 0, 1});
+    std::vector<std::int32_t> normal_map_of(image_of);
+    std::map<std::int64_t, std::int32_t> normal_map_of_material;
     bool has_colors = false;
     for (const GltfPrimitive& primitive : gltf.primitives) {
       const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
@@ -158,32 +168,52 @@ class LooksReader {
         }
       }
       for (const GltfTextureUse& use : TextureUses(root, material)) {
-        if (use.slot != "baseColorTexture" || use.texcoord < 0) continue;
+        const bool is_color = use.slot == "baseColorTexture";
+        if ((!is_color && use.slot != "normalTexture") || use.texcoord < 0) continue;
         PLANISH_ASSIGN_OR_RETURN(const std::vector<float> texcoords,
                                  ReadVertexAttribute(gltf, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
         const std::vector<GltfTextureSource> sources = TextureSources(root, use.texture);
         if (texcoords.empty() || sources.empty()) continue;
-        if (!image_of_material.contains(material)) {
-          const std::string name = file_.path + ": " + use.name;
-          PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
-                                   GltfImageBytes(gltf.document, sources[0].image, options_.textures.allow_outside));
-          const auto [wrap_u, wrap_v] = TextureWraps(root, use.texture);
-          PLANISH_ASSIGN_OR_RETURN(image_of_material[material],
-                                   AddImage(bytes, name, {nullptr, nullptr, wrap_u, wrap_v}));
+        auto& known = is_color ? image_of_material : normal_map_of_material;
+        if (!known.contains(material)) {
+          PLANISH_ASSIGN_OR_RETURN(known[material], AddGltfImage(use, sources[0].image, is_color));
         }
         const std::array<double, 6>& m = use.transform;
+        std::vector<Vec2> own_uv(count);
         for (std::size_t c = 0; c < count; ++c) {
           const auto v = 2 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
           const Vec2 p(texcoords[v], texcoords[v + 1]);
-          uv[first + c] = Vec2(m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]);
-          image_of[(first + c) / 3] = image_of_material[material];
+          own_uv[c] = Vec2(m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]);
+          (is_color ? uv : normal_uv)[first + c] = own_uv[c];
+          (is_color ? image_of : normal_map_of)[(first + c) / 3] = known[material];
         }
+        if (is_color) continue;
+        PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions,
+                                 ReadVertexAttribute(gltf, primitive, "POSITION", 3));
+        PLANISH_ASSIGN_OR_RETURN(const auto frames, CornerTangents(gltf, primitive, positions, own, are_given, own_uv));
+        std::copy(frames.begin(), frames.end(), tangents.begin() + static_cast<std::ptrdiff_t>(first));
       }
     }
     if (has_normals_) looks_.source.normals = OfTriangles(normals);
     if (has_colors) looks_.source.colors = OfTriangles(colors);
-    SetImages(image_of, uv);
+    SetImages(image_of, uv, &looks_.source.color_maps);
+    SetImages(normal_map_of, normal_uv, &looks_.source.normal_maps);
+    if (!looks_.normals.empty()) {
+      looks_.source.tangents = OfTriangles(tangents);
+      // Normal maps bend the normals with which tangents go together.
+      looks_.source.normals = OfTriangles(normals);
+    }
     return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::int32_t> AddGltfImage(const GltfTextureUse& use, std::int64_t image, bool is_color) {
+    const GltfDocument& document = file_.gltf->document;
+    PLANISH_ASSIGN_OR_RETURN(const std::string bytes, GltfImageBytes(document, image, options_.textures.allow_outside));
+    const auto [wrap_u, wrap_v] = TextureWraps(document.json, use.texture);
+    if (!is_color) looks_.source.normal_scales.push_back(use.normal_scale);
+    return AddImage(bytes, file_.path + ": " + use.name, {nullptr, nullptr, wrap_u, wrap_v},
+                    is_color ? &looks_.source.color_maps : &looks_.source.normal_maps,
+                    is_color ? &looks_.colors : &looks_.normals);
   }
 
   absl::Status ReadObjLooks() {
@@ -215,7 +245,8 @@ class LooksReader {
         PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
                                  ReadImageFile(file_.path, name, options_.textures.allow_outside));
         const TextureWrap wrap = map.clamp ? TextureWrap::kClamp : TextureWrap::kRepeat;
-        PLANISH_ASSIGN_OR_RETURN(images[id], AddImage(bytes, file_.path + ": " + name, {nullptr, nullptr, wrap, wrap}));
+        PLANISH_ASSIGN_OR_RETURN(images[id], AddImage(bytes, file_.path + ": " + name, {nullptr, nullptr, wrap, wrap},
+                                                      &looks_.source.color_maps, &looks_.colors));
       }
       image_of.back() = images[id];
       for (auto c = static_cast<std::size_t>(mesh.polygon_begin[static_cast<std::size_t>(p)]);
@@ -226,7 +257,7 @@ class LooksReader {
         uv[c] = Vec2(map.scale[0] * value.x() + map.offset[0], 1 - (map.scale[1] * value.y() + map.offset[1]));
       }
     }
-    SetImages(image_of, uv);
+    SetImages(image_of, uv, &looks_.source.color_maps);
     return absl::OkStatus();
   }
 
@@ -248,6 +279,11 @@ class LooksReader {
   std::int64_t memory_ = 0;
 };
 
+// The texture of the material that shows an image.
+const char* SlotOf(const std::string& name) {
+  return name == "colors" ? "baseColorTexture" : name == "normals" ? "normalTexture" : "occlusionTexture";
+}
+
 std::string OnePixel(const std::array<std::uint8_t, 3>& rgb) {
   TextureImage image;
   image.header = {ImageKind::kPng, 1, 1, 3, 8};
@@ -255,19 +291,22 @@ std::string OnePixel(const std::array<std::uint8_t, 3>& rgb) {
   return EncodeImage(image).value_or("");
 }
 
-// Makes `to` a GLB with normals, tangents and one material, whose images have one texel each: one of normals and, if
-// `has_colors`, one of colours. The tangents come from WriteMeshWithUv(): with TextureMode::kTransfer and the UV that
-// the file has, it computes them and splits vertices for them.
-absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
+std::vector<double> CornerUv(const PolygonMesh& mesh) {
   std::vector<double> uv;
-  for (const std::int32_t id : to.mesh.corner_texcoord) {
-    const Vec2 value = id < 0 ? Vec2(0, 0) : to.mesh.texcoords[static_cast<std::size_t>(id)];
+  for (const std::int32_t id : mesh.corner_texcoord) {
+    const Vec2 value = id < 0 ? Vec2(0, 0) : mesh.texcoords[static_cast<std::size_t>(id)];
     uv.insert(uv.end(), {value.x(), value.y()});
   }
+  return uv;
+}
+
+// `to` as a GLB whose only material has images of the given names, of one texel each; with normals and tangents. One is
+// "normals": writing the file with its own UV, images moving, makes tangents and splits vertices for them.
+absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, const std::vector<std::string>& names) {
   OutputOptions options;
   options.format = MeshFormat::kGlb;
   options.path = "projected.glb";
-  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, WriteMeshWithUv(to, uv, options));
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, WriteMeshWithUv(to, CornerUv(to.mesh), options));
   PLANISH_ASSIGN_OR_RETURN(const MeshFile plain,
                            ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes)));
   const GltfMesh& gltf = *plain.gltf;
@@ -308,26 +347,26 @@ absl::StatusOr<MeshFile> WithPlaceholders(const MeshFile& to, bool has_colors) {
   }
   Json& root = patch.json();
   for (const char* gone : {"textures", "images", "samplers"}) root.erase(gone);
-  Json material = {{"name", "projected"},
-                   {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 0.8}}},
-                   {"normalTexture", {{"index", 0}}}};
-  if (has_colors) material["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 1}};
-  root["materials"] = Json::array({std::move(material)});
+  Json material = {{"name", "projected"}, {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 0.8}}}};
   root["images"] = Json::array();
   root["textures"] = Json::array();
-  for (int i = 0; i < (has_colors ? 2 : 1); ++i) {
+  for (const std::string& name : names) {
+    const bool is_normal = name == "normals";
     const std::int64_t view = patch.AddView(
-        -1, OnePixel(i == 0 ? std::array<std::uint8_t, 3>{128, 128, 255} : std::array<std::uint8_t, 3>{}), 0, 0);
-    root["images"].push_back(
-        {{"name", i == 0 ? "normals" : "colors"}, {"bufferView", view}, {"mimeType", "image/png"}});
-    root["textures"].push_back({{"source", i}});
+        -1, OnePixel(is_normal ? std::array<std::uint8_t, 3>{128, 128, 255} : std::array<std::uint8_t, 3>{}), 0, 0);
+    Json& holder = name == "colors" ? material["pbrMetallicRoughness"] : material;
+    holder[SlotOf(name)] = {{"index", root["textures"].size()}};
+    root["textures"].push_back({{"source", root["images"].size()}});
+    root["images"].push_back({{"name", name}, {"bufferView", view}, {"mimeType", "image/png"}});
   }
+  root["materials"] = Json::array({std::move(material)});
   std::string buffer = patch.TakeBuffer();
   PLANISH_ASSIGN_OR_RETURN(std::string glb, GlbBytes(patch.json(), std::move(buffer), ""));
   PLANISH_ASSIGN_OR_RETURN(const MeshFile file, ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(glb)));
   options.textures.mode = TextureMode::kTransfer;
   options.textures.size = 1;
-  PLANISH_ASSIGN_OR_RETURN(written, WriteMeshWithUv(file, uv, options));
+  // Its polygons are triangles.
+  PLANISH_ASSIGN_OR_RETURN(written, WriteMeshWithUv(file, CornerUv(file.mesh), options));
   return ReadMeshBytes(options.path, MeshFormat::kGlb, std::move(written.files.back().bytes));
 }
 
@@ -385,38 +424,79 @@ absl::StatusOr<ProjectedMesh> ProjectSurface(const MeshFile& from, const MeshFil
     return MakeError(absl::StatusCode::kInvalidArgument, "UV_MISSING",
                      to.path + ": has no UV, and they are where the images go");
   }
+  if (projection.height && options.path == "-") {
+    return MakeError(absl::StatusCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
+                     "the heights become a file beside the output, and there is none beside stdout");
+  }
   const std::int64_t texels = std::int64_t{projection.size} * projection.size;
-  if (options.textures.memory > 0 && 8 * texels > options.textures.memory) {
+  const std::int64_t memory = texels * (8 + (projection.height ? 6 : 0) + (projection.occlusion ? 1 : 0));
+  if (options.textures.memory > 0 && memory > options.textures.memory) {
     return MakeError(absl::StatusCode::kResourceExhausted, "TEXTURE_MEMORY",
                      "images of " + std::to_string(projection.size) + " texels per side take " +
-                         std::to_string(8 * texels / 1000000) +
+                         std::to_string(memory / 1000000) +
                          " MB of memory; --texture-size makes them smaller, --memory raises the limit");
   }
   ProjectedLooks looks;
   PLANISH_RETURN_IF_ERROR(LooksReader(from, options, &looks).Read());
+  if (!projection.colors) {
+    looks.source.colors.clear();
+    looks.source.color_maps = FaceImages();
+  }
   const bool has_colors = looks.source.has_colors();
-  PLANISH_ASSIGN_OR_RETURN(const MeshFile prepared, WithPlaceholders(to, has_colors));
-  PLANISH_ASSIGN_OR_RETURN(const ProjectionTarget target, TargetOf(prepared));
+  std::vector<std::string> names = {"normals"};
+  if (has_colors) names.push_back("colors");
+  if (projection.occlusion) names.push_back("occlusion");
+  PLANISH_ASSIGN_OR_RETURN(const MeshFile prepared, WithPlaceholders(to, names));
+  PLANISH_ASSIGN_OR_RETURN(ProjectionTarget target, TargetOf(prepared));
+  if (!to.gltf) {
+    // A mesh far from the origin was moved there, by its node.
+    const Json& root = prepared.gltf->document.json;
+    Vec3 origin = Vec3::Zero();
+    for (int axis = 0; axis < 3; ++axis) {
+      origin[axis] = GltfNumberAt(root, Json::json_pointer("/nodes/0/translation") / static_cast<std::size_t>(axis), 0);
+    }
+    for (std::array<Vec3, 3>& corners : target.positions) {
+      for (Vec3& corner : corners) corner += origin;
+    }
+  }
   ProjectionOptions how;
   how.reach = projection.cage * DiagonalOf(prepared.mesh.positions);
   how.size = projection.size;
+  how.height = projection.height;
+  how.occlusion = projection.occlusion;
   how.stop = options.textures.stop;
   ThreadTeam team(std::max(1, options.textures.threads));
   PLANISH_ASSIGN_OR_RETURN(Projection drawn, Project(looks.source, target, how, &team));
   ProjectedMesh result;
   result.texels = drawn.texels;
   result.missed = drawn.missed;
-  result.has_colors = has_colors;
   GltfPatch patch(prepared.gltf->document);
   for (Json& image : patch.json()["images"]) {
-    TextureImage& pixels = image["name"] == "normals" ? drawn.normal : drawn.color;
+    TextureImage& pixels = image["name"] == "normals"  ? drawn.normal
+                           : image["name"] == "colors" ? drawn.color
+                                                       : drawn.occlusion;
     PLANISH_ASSIGN_OR_RETURN(std::string png, EncodeImage(pixels));
     pixels.texels = std::vector<std::uint8_t>();
     image["bufferView"] = patch.AddView(image["bufferView"].get<std::int64_t>(), std::move(png), 0, 0);
   }
+  if (!projection.normals) {
+    names.erase(names.begin());
+    Json& material = patch.json()["materials"][0];
+    const std::int64_t texture = material["normalTexture"]["index"].get<std::int64_t>();
+    material.erase("normalTexture");
+    RemoveUnreadTextures({texture}, &patch);
+  }
   std::string buffer = patch.TakeBuffer();
   PLANISH_ASSIGN_OR_RETURN(result.written,
                            GltfFiles(std::move(patch.json()), std::move(buffer), 2, "", false, options));
+  if (projection.height) {
+    names.push_back("height");
+    PLANISH_ASSIGN_OR_RETURN(std::string png, EncodeImage(drawn.height));
+    TextureFileNames files(options.path, {from.path, to.path, options.path});
+    result.height = HeightImage{files.Next("height", ImageKind::kPng), drawn.low, drawn.high};
+    result.written.files.insert(result.written.files.begin(), OutputFile{result.height->path, std::move(png)});
+  }
+  result.baked = std::move(names);
   return result;
 }
 

@@ -1,4 +1,4 @@
-// Colours that files have for their vertices. Used only in client/files.
+// Colours that files have for their vertices.
 #pragma once
 
 #include <vector>

@@ -71,7 +71,7 @@ case $bench in atlas | service | report) targets+=(planish planishd) ;; esac
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
 [ "$bench" != chaos ] || targets=(planish_farm_chaos)
-[ "$bench" != textures ] || targets=(planish_texture_transfer)
+[ "$bench" != textures ] || targets=(planish_texture_transfer planish planishd)
 [ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
@@ -536,16 +536,26 @@ draw_map() {
 }
 
 textures() {
-  local looks=() side=4096 tool=$bin/planish_texture_transfer failed=0
-  [ -z "$quick" ] || { looks=(--detail=12 --texels=160 --points=5000) side=512; }
+  local looks=() sizes=() side=4096 tool=$bin/planish_texture_transfer failed=0
+  [ -z "$quick" ] || { looks=(--points=5000) sizes=(--detail=12 --texels=160) side=512; }
+  command -v npm >/dev/null && command -v chromium >/dev/null || fail "no npm or no chromium"
+  npm install --prefix "$work" --ignore-scripts --no-audit --no-fund playwright-core@1.49.1 >&2
+  mkdir -p "$work/samples"
+  "$tool" samples "$work/samples" "${sizes[@]}"
+  rm "$work/samples/bumps.glb" # has no colours
   "$tool" write "$work/four.glb" "--texels=$side"
   {
     heading "Textures" "Colours at 100,000 points of generated models through the old map and image against the new ones, in 255ths: 2 in the mean
 and 12 at the 99th percentile are allowed for smooth content, a tenth more than a resampler of 64 samples a texel for the rest; normals in
 degrees, of which 2 are. Images are PNG at equal texel density, one JPEG."
     echo
-    "$tool" looks "${looks[@]}" || failed=1
+    "$tool" looks "${sizes[@]}" "${looks[@]}" || failed=1
     echo
+    echo "The same models before and after, drawn by the page of \`planish unwrap --report\` from six sides, about a pixel a texel: the PSNR
+over the pixels that the model covers, in dB. Smooth content must reach 36."
+    echo
+    node "$here/texture_pictures.mjs" "$bin/planish" "$(command -v chromium)" "$work" "$work"/samples/*.glb || failed=1
+    printf '\n%s\n\n' "![Before and after](textures.jpg)"
     echo "A mesh of 100,000 triangles with four images of $side x $side: CPU seconds, and the most memory of the process."
     echo
     echo '```'
@@ -554,6 +564,8 @@ degrees, of which 2 are. Images are PNG at equal texel density, one JPEG."
     "$tool" project || failed=1
     echo '```'
   } >"$out/textures.md"
+  (cd "$work" && montage -label '%t' {smooth_torus,smooth_box,smooth_pair,letters}.{before,after}.png -tile 4x \
+    -geometry 360x360+6+6 -quality 82 "$(realpath "$out")/textures.jpg")
   return $failed
 }
 

@@ -1,13 +1,14 @@
 // Pages of `planish report` in a browser, opened from disk.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { mkdirSync, mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 import { chromium } from 'playwright-core';
-import { spoiled, threeMaterials } from './meshes.mjs';
+import { compareLooks } from './looks.mjs';
+import { png, spoiled, texturedTorus, threeMaterials } from './meshes.mjs';
 
 const directory = mkdtempSync(join(tmpdir(), 'planish-report-'));
 const at = (name) => join(directory, name);
@@ -128,6 +129,8 @@ test('the page of spot shows, links and selects', async () => {
     seen.set(pixels, mode);
     assert.equal((await report.state()).mode, mode);
   }
+  await page.keyboard.press('7'); // for pages with images
+  assert.equal((await report.state()).mode, 'colour');
   const still = await report.pixels(false);
   await page.click('[data-toggle=wireframe]');
   assert.notEqual(await report.pixels(false), still);
@@ -343,6 +346,76 @@ test('before and after have the same camera', async () => {
   assert.deepEqual((await report.state()).shown, [0]);
   await page.click('[data-show="1"]');
   assert.deepEqual((await report.state()).shown, [1]);
+  await report.close();
+});
+
+test('a textured model looks the same before and after', async () => {
+  // Waves of a sixteenth of a cycle a texel, around which eyes and PSNR see the most.
+  const waves = (x, y, c) => 0.5 + 0.22 * Math.sin((2 * Math.PI * (x + (c - 1) * y)) / 16 + c) + 0.22 * Math.cos((2 * Math.PI * y) / 32 + c);
+  writeFileSync(at('torus.gltf'), texturedTorus(16, png(256, 256, waves)));
+  planish('unwrap', at('torus.gltf'), '-o', at('torus_out.glb'), `--report=${at('torus.html')}`);
+  const report = await Report.open(at('torus.html'));
+  const { page } = report;
+  assert.equal(await page.locator('.toolbar [data-mode]').count(), 7);
+  const still = await report.pixels(false, 2, 0), layout = await report.pixels(true, 2, 1);
+  await page.keyboard.press('7');
+  assert.equal((await report.state()).mode, 'textured');
+  assert.equal(await page.getAttribute('[data-mode=textured]', 'aria-pressed'), 'true');
+  assert.notEqual(await report.pixels(false, 2, 0), still);
+  assert.notEqual(await report.pixels(true, 2, 1), layout);
+  assert.equal(await page.textContent('#legend'), '');
+  const looks = await compareLooks(page, 200);
+  for (const { view, psnr, covered } of looks) {
+    assert.ok(covered > 4000, `${view} ${covered}`);
+    assert.ok(psnr >= 36, `${view} ${psnr}`);
+  }
+  // Seam lines have a switch of their own here.
+  assert.equal(await page.getAttribute('[data-toggle=seams]', 'aria-pressed'), 'false');
+  const [bare] = await compareLooks(page, 64, { '+z': [0, 0, 1] });
+  await page.keyboard.press('s');
+  assert.equal(await page.getAttribute('[data-toggle=seams]', 'aria-pressed'), 'true');
+  const [lined] = await compareLooks(page, 64, { '+z': [0, 0, 1] });
+  assert.ok(lined.psnr < bare.psnr, `${lined.psnr} ${bare.psnr}`); // the maps are cut in different places
+  await page.keyboard.press('1');
+  assert.equal(await page.getAttribute('[data-toggle=seams]', 'aria-pressed'), 'true');
+  // The camera is that of the other modes.
+  assert.equal(await report.pixels(false, 2, 0), still);
+  await report.close();
+});
+
+test('materials that were merged show their triangles', async () => {
+  planish('unwrap', at('torus.gltf'), '-o', at('merged.glb'), '--merge-materials', `--report=${at('merged.html')}`);
+  const report = await Report.open(at('merged.html'));
+  await report.page.keyboard.press('7');
+  await report.settle();
+  for (const { view, psnr } of await compareLooks(report.page, 200, { '+z': [0, 0, 1] })) {
+    assert.ok(psnr >= 36, `${view} ${psnr}`);
+  }
+  await report.close();
+});
+
+test('images that do not move are not on the page', () => {
+  for (const flag of ['--textures=keep', '--textures=drop']) {
+    planish('unwrap', at('torus.gltf'), '-o', at('plain.glb'), flag, `--report=${at('plain.html')}`);
+    assert.ok(!/planish-image-|"textures":/.test(readFileSync(at('plain.html'), 'utf8').replace(/<script type="module">[^]*/, '')), flag);
+  }
+});
+
+test('images that are too large, or missing, are shown smaller, or named', async () => {
+  mkdirSync(at('large'));
+  // Of 5000 texels a side, where 4096 are shown: in a band, since it is fast to make.
+  writeFileSync(at('large/band.png'), png(5000, 4, (x, y, c) => 0.5 + 0.4 * Math.sin(x / 300 + c)));
+  writeFileSync(at('large/band.mtl'), 'newmtl band\nmap_Kd band.png\nnewmtl gone\nmap_Kd gone.png\n');
+  writeFileSync(at('large/band.obj'), `mtllib band.mtl
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
+usemtl band\nf 1/1 2/2 3/3 4/4\nusemtl gone\nf 2/1 5/2 6/3 3/4\n`);
+  planish('report', at('large/band.obj'), '-o', at('large.html'));
+  const report = await Report.open(at('large.html'));
+  await report.page.click('[data-mode=textured]');
+  await report.settle();
+  const said = await report.page.textContent('#legend');
+  assert.match(said, /band\.png has 2500 × 2 of 5000 × 4 texels/);
+  assert.match(said, /gone\.png is not shown: .*No such file/);
   await report.close();
 });
 

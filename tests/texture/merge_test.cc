@@ -10,12 +10,14 @@
 #include <utility>
 #include <vector>
 
+#include "client/files/gltf_attribute.h"
 #include "client/files/gltf_document.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/mesh_output.h"
 #include "client/texture/image.h"
 #include "core/base/error.h"
+#include "core/draco/points.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"
@@ -237,6 +239,84 @@ TEST(MergedMaterials, StrengthsAndScalesArePaintedWhereTheyDiffer) {
   }
 }
 
+// The same model with its primitives compressed by Draco, and without UV.
+MeshFile Compressed(const MeshFile& plain) {
+  Json json = plain.gltf->document.json;
+  std::string buffer = plain.gltf->document.buffers[0];
+  for (const GltfPrimitive& primitive : plain.gltf->primitives) {
+    const absl::StatusOr<std::vector<float>> positions = ReadVertexAttribute(*plain.gltf, primitive, "POSITION", 3);
+    EXPECT_TRUE(positions.ok()) << positions.status();
+    DracoPoints points;
+    points.num_points = std::ssize(*positions) / 3;
+    DracoAttribute position;
+    position.kind = DracoKind::kPosition;
+    position.unique_id = static_cast<std::uint32_t>(3 + primitive.primitive);
+    position.component = kDracoFloat32;
+    position.components = 3;
+    position.value_size = 3 * sizeof(float);
+    position.values.assign(reinterpret_cast<const char*>(positions->data()), positions->size() * sizeof(float));
+    points.attributes = {position};
+    for (std::int64_t f = primitive.first_polygon; f < primitive.first_polygon + primitive.num_polygons; ++f) {
+      const std::int32_t* const corner = plain.gltf->corner_vertex.data() + 3 * f;
+      points.faces.push_back({corner[0], corner[1], corner[2]});
+    }
+    const std::string bytes = EncodeDracoPoints(points).value();
+    Json& written = PrimitiveJson(json, primitive);
+    written["attributes"] = {{"POSITION", written["attributes"]["POSITION"]}};
+    written["extensions"]["KHR_draco_mesh_compression"] = {{"bufferView", json["bufferViews"].size()},
+                                                           {"attributes", {{"POSITION", position.unique_id}}}};
+    for (const Json& index : {written["attributes"]["POSITION"], written["indices"]}) {
+      json["accessors"][index.get<std::size_t>()].erase("bufferView");
+    }
+    json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", buffer.size()}, {"byteLength", bytes.size()}});
+    buffer += bytes;
+    buffer.resize((buffer.size() + 3) / 4 * 4);
+  }
+  json["extensionsUsed"] = json["extensionsRequired"] = {"KHR_draco_mesh_compression"};
+  json["buffers"][0]["byteLength"] = buffer.size();
+  return Reopened(json, buffer);
+}
+
+// Accessors and views that nothing refers to.
+int Unused(const Json& json) {
+  std::set<std::int64_t> accessors, views;
+  const auto find = [&](const auto& self, const Json& value) -> void {
+    for (auto member = value.begin(); member != value.end(); ++member) {
+      const std::string key = value.is_object() ? member.key() : "";
+      const Json& child = *member;
+      if (key == "bufferView") views.insert(child.get<std::int64_t>());
+      if (key == "indices" && child.is_number()) accessors.insert(child.get<std::int64_t>());
+      if (key == "attributes" && !value.contains("bufferView")) {
+        for (const Json& index : child) accessors.insert(index.get<std::int64_t>());
+      }
+      if (child.is_structured()) self(self, child);
+    }
+  };
+  find(find, json);
+  return static_cast<int>(json["accessors"].size() - accessors.size() + json["bufferViews"].size() - views.size());
+}
+
+TEST(MergedMaterials, JoinedPrimitivesStayCompressedAndLeaveNothingUnused) {
+  const MeshFile plain = RowGlb();
+  for (const bool is_draco : {false, true}) {
+    const MeshFile before = is_draco ? Compressed(plain) : plain;
+    ASSERT_EQ(before.gltf->pools[0].draco.has_value(), is_draco);
+    const Painted painted = Paint(before, /*merges=*/true, /*bakes=*/false);
+    const Json& json = painted.file.gltf->document.json;
+    ASSERT_THAT(json["meshes"][0]["primitives"], SizeIs(1)) << is_draco;
+    EXPECT_EQ(painted.file.gltf->pools[0].draco.has_value(), is_draco);
+    EXPECT_EQ(Unused(json), Unused(before.gltf->document.json)) << json.dump();
+    const PolygonMesh &old = before.mesh, &now = painted.file.mesh;
+    ASSERT_EQ(now.corner_vertex.size(), old.corner_vertex.size());
+    for (std::size_t c = 0; c < old.corner_vertex.size(); ++c) {
+      EXPECT_EQ(now.positions[static_cast<std::size_t>(now.corner_vertex[c])],
+                old.positions[static_cast<std::size_t>(old.corner_vertex[c])]);
+    }
+    EXPECT_EQ(json["accessors"][json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].get<std::size_t>()]["max"],
+              Json({7, 1, 0}));
+  }
+}
+
 // Adds COLOR_0 to the first square: red at the left, green at the right, linear.
 MeshFile WithColors(const MeshFile& plain) {
   Json json = plain.gltf->document.json;
@@ -361,8 +441,16 @@ TEST(VertexColors, ThatAreNoNumbersAndMaterialsThatAreNoneCostNoCrash) {
   options.textures.mode = TextureMode::kTransfer;
   options.textures.merge_materials = options.textures.bake_colors = true;
   const MeshFile bad = Reopened(json, buffer);
-  EXPECT_FALSE(EstimateTextureSide(bad, options, 1).ok());
-  EXPECT_FALSE(WriteMeshWithUv(bad, RowUv(bad), options).ok());
+  EXPECT_EQ(ErrorInfoOf(EstimateTextureSide(bad, options, 1).status()).reason, "FILE_MALFORMED");
+  EXPECT_EQ(ErrorInfoOf(WriteMeshWithUv(bad, RowUv(bad), options).status()).reason, "FILE_MALFORMED");
+  // Lists of the root that are none.
+  for (const char* key : {"samplers", "textures", "extensionsUsed"}) {
+    Json damaged = plain.gltf->document.json;
+    damaged[key] = "many";
+    const absl::StatusOr<std::string> glb = GlbBytes(damaged, buffer, "");
+    ASSERT_TRUE(glb.ok()) << glb.status();
+    EXPECT_EQ(ErrorInfoOf(ReadMeshBytes("in.glb", MeshFormat::kGlb, *glb).status()).reason, "FILE_MALFORMED") << key;
+  }
 }
 
 TEST(ImageProgress, CommandsSayWhichImageComesNextAndEndBetweenRows) {

@@ -58,6 +58,7 @@ class Outcome:
     stretch: float
     efficiency: float
     warnings: list  # as sentences
+    images: Any = None  # transfer.Images, if the sheet's textures were moved
 
 
 class Failed(Exception):
@@ -106,11 +107,20 @@ def engine(settings):
             why = f"the Python package cannot be used ({error})"
             if settings.engine == "PACKAGE":
                 raise Failed(f"T{why[1:]}; grpcio and protobuf must be installed in Blender's Python") from error
+    try:
+        command = find_command(settings)
+    except Failed as missing:
+        note = f"; {why}" if why else ""
+        raise Failed(f"No way to a planish server: {missing}{note}. The preferences of the add-on name the programs") from missing
+    return lambda sheet, options: _CommandCall(command, settings, sheet, options)
+
+
+def find_command(settings):
+    """The path of the command `planish`. Raises Failed if there is none."""
     command = settings.command or _own_command() or shutil.which("planish")
     if not command or not os.path.isfile(command):
-        missing = f"{command} is not a program" if command else "there is no planish command in PATH"
-        raise Failed(f"No way to a planish server: {missing}{'; ' + why if why else ''}. The preferences of the add-on name the programs")
-    return lambda sheet, options: _CommandCall(command, settings, sheet, options)
+        raise Failed(f"{command} is not a program" if command else "there is no planish command in PATH")
+    return command
 
 
 def _named_server(settings):
@@ -435,6 +445,10 @@ def _check_positions(sheet):
         raise Failed(message, "MESH_POSITION_NOT_FINITE", vertices=bad[:16].tolist())
 
 
+def _has_images(sheet):
+    return sheet.transfer is not None and bool(sheet.transfer.readings)
+
+
 @dataclass
 class Batch:
     """Unwraps of several sheets, a few at a time."""
@@ -454,7 +468,11 @@ class Batch:
         for call in [call for call in self._running if call.done()]:
             self._running.remove(call)
             try:
-                self.outcomes.append((call.sheet, call.result()))
+                outcome = call.result()
+                if not _has_images(call.sheet) or outcome.images is not None or self.cancelled:
+                    self.outcomes.append((call.sheet, outcome))
+                else:
+                    self._running.append(call.sheet.transfer.start(call.sheet, outcome))
             except Failed as error:
                 self.outcomes.append((call.sheet, error))
         while self._waiting and len(self._running) < MOST_AT_A_TIME and not self.cancelled:
@@ -478,8 +496,16 @@ class Batch:
 
     @property
     def fraction(self):
-        done = len(self.outcomes) + sum(call.progress.fraction for call in self._running)
+        done = len(self.outcomes) + sum(self._done_of(call) for call in self._running)
         return done / max(1, len(self.sheets))
+
+    @staticmethod
+    def _done_of(call):
+        """Of a sheet with textures the unwrap is the first half."""
+        if not _has_images(call.sheet):
+            return call.progress.fraction
+        first = 0 if isinstance(call, (_PackageCall, _CommandCall)) else 0.5
+        return first + call.progress.fraction / 2
 
     def __str__(self):
         if self.cancelled:

@@ -18,7 +18,7 @@ class Unusable(Exception):
     """A mesh that cannot be unwrapped; the message is for people."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Part:
     """One mesh, as triangles. Corner 3 f + k is corner k of triangle f, and faces the edge between the other two."""
 
@@ -31,6 +31,13 @@ class Part:
     loop_total: Any  # (P,) loops of each polygon, which are consecutive
     seam_corners: Any  # corners that face an edge which the user wants to cut
     loop_count: int
+    # For textures:
+    uv_map: Any = None  # name of the active UV map; None if there is none
+    render_uv_map: Any = None  # of the one that materials read which name none
+    uv: Any = None  # (L, 2) of the active UV map
+    own_positions: Any = None  # (V, 3) in the object's own space
+    normals: Any = None  # (L, 3)
+    material: Any = None  # (P,) slot of each polygon
 
 
 def _get(collection, name, columns, kind):
@@ -39,21 +46,21 @@ def _get(collection, name, columns, kind):
     return values.reshape(-1, columns) if columns > 1 else values
 
 
-def read(object, sources):
+def read(object, sources, for_textures=False):
     """The mesh of an object. `sources`: "SEAM", "SHARP", "MATERIAL", "UV": the edges that are seams."""
     if object.data.library is not None:
         raise Unusable(f"the mesh of {object.name} is linked from another file and cannot be changed")
     if object.mode != "EDIT":
-        return _read(object, object.data, sources)
+        return _read(object, object.data, sources, for_textures)
     object.update_from_editmode()
     copy = object.data.copy()  # while a mesh is edited, Blender hides its UV
     try:
-        return _read(object, copy, sources)
+        return _read(object, copy, sources, for_textures)
     finally:
         bpy.data.meshes.remove(copy)
 
 
-def _read(object, mesh, sources):
+def _read(object, mesh, sources, for_textures):
     mesh.calc_loop_triangles()
     if len(mesh.loop_triangles) == 0:
         raise Unusable(f"{object.name} has no faces")
@@ -65,6 +72,17 @@ def _read(object, mesh, sources):
     edge = np.where(after[from_loop] == to_loop, loop_edge[from_loop], -1)
     edge = np.where(after[to_loop] == from_loop, loop_edge[to_loop], edge).reshape(-1)
     is_seam = _seam_edges(object, mesh, sources, loop_vertex, loop_edge, after)
+    more = {}
+    active = mesh.uv_layers.active
+    if for_textures and active is not None:
+        more = {
+            "uv_map": active.name,
+            "render_uv_map": next((layer.name for layer in mesh.uv_layers if layer.active_render), None),
+            "uv": _get(active.data, "uv", 2, np.float32),
+            "own_positions": _get(mesh.vertices, "co", 3, np.float32),
+            "normals": _corner_normals(mesh),
+            "material": _get(mesh.polygons, "material_index", 1, np.int32),
+        }
     return Part(
         object=object,
         positions=_scaled(object, _get(mesh.vertices, "co", 3, np.float32)),
@@ -75,7 +93,15 @@ def _read(object, mesh, sources):
         loop_total=_get(mesh.polygons, "loop_total", 1, np.int32),
         seam_corners=np.flatnonzero((edge >= 0) & is_seam[edge]).astype(np.int32),
         loop_count=len(mesh.loops),
+        **more,
     )
+
+
+def _corner_normals(mesh):
+    if hasattr(mesh, "corner_normals"):  # 4.1 and later
+        return _get(mesh.corner_normals, "vector", 3, np.float32)
+    mesh.calc_normals_split()
+    return _get(mesh.loops, "normal", 3, np.float32)
 
 
 def _next_loop(mesh):
@@ -156,6 +182,7 @@ class Sheet:
 
     def __init__(self, parts):
         self.parts = parts
+        self.transfer = None  # transfer.Transfer, if its textures are to be moved
         self._first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
         self._first_face = np.cumsum([0] + [len(part.triangles) for part in parts])
         self.positions = np.concatenate([part.positions for part in parts])
@@ -176,16 +203,21 @@ class Sheet:
         names = [part.object.name for part in self.parts]
         return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
-    def write(self, uv):
-        """Puts UV, (F, 3, 2), into the active layers. Skips objects that were changed meanwhile. Returns their names,
-        and the number of polygons with a corner that would need several UV."""
+    def ranges(self):
+        """Each part with its triangles: first, and end."""
+        return zip(self.parts, self._first_face, self._first_face[1:])
+
+    def write(self, uv, new_map=None, with_new_map=()):
+        """Puts UV, (F, 3, 2), into the active layers, or into new ones called `new_map` in the parts `with_new_map`. Skips
+        objects that were changed meanwhile and returns their names; with them the number of polygons whose corners would
+        need several UV each."""
         changed, torn = [], 0
-        for part, begin, end in zip(self.parts, self._first_face, self._first_face[1:]):
+        for part, begin, end in self.ranges():
             of_loop = np.zeros((part.loop_count, 2), np.float32)
             of_loop[part.loops] = uv[begin:end]
             differs = (of_loop[part.loops] != uv[begin:end]).any(axis=(1, 2))
             torn += len(np.unique(part.polygon[differs]))
-            if not _write(part, of_loop):
+            if not _write(part, of_loop, new_map if part in with_new_map else None):
                 changed.append(part.object.name)
         return changed, torn
 
@@ -232,7 +264,7 @@ class Sheet:
         return bool(faces or edges or vertices)
 
 
-def _write(part, of_loop):
+def _write(part, of_loop, new_map):
     mesh = part.object.data
     if part.object.mode == "EDIT":
         edited = bmesh.from_edit_mesh(mesh)
@@ -247,6 +279,8 @@ def _write(part, of_loop):
         return True
     if len(mesh.loops) != part.loop_count:
         return False
+    if new_map is not None:
+        mesh.uv_layers.active = mesh.uv_layers.new(name=new_map, do_init=False)
     layer = mesh.uv_layers.active or mesh.uv_layers.new(do_init=False)
     layer.data.foreach_set("uv", of_loop.reshape(-1))
     mesh.update()

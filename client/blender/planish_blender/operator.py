@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import engines, meshes
+from . import engines, meshes, textures, transfer
 from .preferences import settings
 
 _POLL_SECONDS = 0.1
@@ -87,6 +87,12 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
     one_atlas: bpy.props.BoolProperty(
         name="One Atlas", description="The objects share one texture; off: each has its own", default=True
     )
+    transfer_textures: bpy.props.BoolProperty(
+        name="Transfer Textures",
+        description="Where materials read images with the UV map: the new one becomes a UV map of its own, for which these images are "
+        "redrawn, with the same texel density. Off: the UV map is replaced",
+        default=True,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -105,7 +111,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         column = layout.column()
         column.active = self.texels_per_unit > 0
         column.prop(self, "finds_texture_size")
-        for name in ("texture_size", "padding", "boundary", "one_atlas"):
+        for name in ("texture_size", "padding", "boundary", "one_atlas", "transfer_textures"):
             layout.prop(self, name)
 
     # For scripts, and when an option is changed in the redo panel: waits for the end.
@@ -172,11 +178,12 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
     def _begin(self, context):
         try:
             start = engines.engine(settings(context))
-            parts = [meshes.read(each, self.seams) for each in _objects(context)]
+            parts = [meshes.read(each, self.seams, self.transfer_textures) for each in _objects(context)]
+            sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
+            self._textures = textures.find(sheets, settings(context)) if self.transfer_textures else {}
         except (engines.Failed, meshes.Unusable) as error:
             self.report({"ERROR"}, str(error))
             return False
-        sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
         named = {"texture_size": self.texture_size, "padding": self.padding, "boundary": self.boundary.lower()}
         if self.cuts == "AUTO":
             named.update(max_stretch=self.max_stretch, prefer=self.prefer.lower())
@@ -191,12 +198,23 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
 
     def _end(self, context):
         batch, self._batch = self._batch, None  # Blender may keep the operator, for the redo panel
+        found, self._textures = self._textures, {}
+        try:
+            return self._finish(context, batch, found)
+        finally:
+            for each in found.values():
+                each.close()
+
+    def _finish(self, context, batch, found):
         if batch.cancelled:
             self.report({"INFO"}, "Unwrap with planish: cancelled")
             return {"CANCELLED"}
         good = [(sheet, outcome) for sheet, outcome in batch.outcomes if isinstance(outcome, engines.Outcome)]
+        if context.mode == "EDIT_MESH" and any(sheet in found for sheet, _ in good):
+            # The undo steps of edit mode know no materials.
+            bpy.ops.object.mode_set(mode="OBJECT")
         for sheet, outcome in good:
-            self._take(sheet, outcome)
+            self._take(sheet, outcome, found.get(sheet))
         if good:
             charts = sum(outcome.charts for _, outcome in good)
             stretch = max(outcome.stretch for _, outcome in good)
@@ -217,14 +235,30 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             bpy.ops.ed.undo_push(message="Faulty Elements")
         return {"FINISHED"} if good else {"CANCELLED"}
 
-    def _take(self, sheet, outcome):
-        changed, torn = sheet.write(outcome.uv)
+    def _take(self, sheet, outcome, found):
+        if found is None:
+            changed, torn = sheet.write(outcome.uv)
+        else:
+            new_map = found.new_map()
+            changed, torn = sheet.write(outcome.uv, new_map, found.parts)
+            if not changed:
+                self._take_textures(sheet, outcome, found, new_map)
         for name in changed:
             self.report({"WARNING"}, f"{name} was changed meanwhile and keeps its UV")
         if torn:
             self.report({"WARNING"}, f"{torn} faces had to be cut along a diagonal, and are not mapped properly")
         for warning in outcome.warnings:
             self.report({"WARNING"}, f"{sheet.name}: {warning}")
+
+
+    def _take_textures(self, sheet, outcome, found, new_map):
+        notes, warnings = found.apply(outcome.images or transfer.Images(), new_map)
+        for part in found.parts:
+            if found.becomes_default(part):
+                part.object.data.uv_layers[new_map].active_render = True
+        for kind, sentences in (("INFO", notes), ("WARNING", warnings)):
+            for sentence in sentences:
+                self.report({kind}, f"{sheet.name}: {sentence}")
 
 
 def _objects(context):

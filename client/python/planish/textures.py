@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import subprocess
-from typing import Any, Dict, List, Optional, Union
+from typing import Any, Dict, List, Optional, Sequence, Union
 
 from ._programs import is_program, own_program
 from .errors import Error, InvalidArgument, Unavailable
@@ -33,21 +33,23 @@ def transfer(
     texture_size: Optional[int] = None,
     allow_outside: bool = False,
     merge_materials: bool = False,
-    bake_colors: bool = False,
+    bake: Sequence[str] = (),
     command: Optional[str] = None,
     timeout: Optional[float] = None,
 ) -> Dict[str, Any]:
     """Writes the file ``output``: ``source`` with the UV of ``target``, and with its images resampled for these UV. The
     files ``source`` and ``target`` must have the same triangles.
 
-    With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with
-    the colours and normals of ``source`` as images. ``cage``: how far apart the surfaces may be, in percent of the
-    diagonal of ``target``.
+    With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with what
+    ``source`` shows as images. ``cage``: how far apart they may be, in percent of target's diagonal. ``bake``: which images,
+    of ``"colors"``, ``"normals"``, ``"height"`` and ``"occlusion"``; by default the first two. Heights are a file beside
+    ``output``.
 
-    ``merge_materials``: materials of a glTF that differ only in images and factors become one. ``bake_colors``: the
-    colours of vertices are painted into an image of base colours. Neither goes with ``project``.
+    Without it, ``bake=["colors"]`` paints the colours of vertices into an image of base colours. ``merge_materials``:
+    materials of a glTF that differ only in images and factors become one; not with ``project``.
 
-    Returns what ``planish transfer --json`` prints: ``triangles``, ``seconds``, ``files``, ``warnings``.
+    Returns what ``planish transfer --json`` prints: ``triangles``, ``seconds``, ``files``, ``warnings``; with ``project`` also
+    ``texels``, ``missed``, ``baked`` and, of heights, ``height`` (``file``, ``low``, ``high``).
     """
     program = command or find_command()
     if program is None:
@@ -65,8 +67,8 @@ def transfer(
         call.append("--allow-outside")
     if merge_materials:
         call.append("--merge-materials")
-    if bake_colors:
-        call.append("--bake=colors")
+    if bake:
+        call.append("--bake=" + ",".join(bake))
     call += ["--", os.fspath(source), os.fspath(target)]
     try:
         done = subprocess.run(

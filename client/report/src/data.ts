@@ -16,6 +16,26 @@ export interface Finding {
   faces?: number[]; // triangles
 }
 
+// The base colour of a material.
+export interface TextureInfo {
+  image: number; // of PageInfo.images; -1: none that can be shown
+  transform: number[]; // u' = t[0] u + t[1] v + t[2], and v' likewise; v downwards
+  wrap: ['repeat' | 'mirror' | 'clamp', 'repeat' | 'mirror' | 'clamp'];
+  nearest: boolean; // magnified without interpolation
+  factor: [number, number, number, number]; // linear
+  alpha: 'opaque' | 'mask' | 'blend';
+  cutoff: number;
+}
+
+export interface ImageInfo {
+  name: string;
+  type: string; // "image/png"
+  width: number; // in the page
+  height: number;
+  fileWidth: number; // in the file
+  fileHeight: number;
+}
+
 export interface MapInfo {
   name: string;
   triangles: number;
@@ -31,6 +51,7 @@ export interface MapInfo {
   materials: { name: string; color: [number, number, number] }[];
   numbers: [string, string][]; // what `planish check` says, line by line
   findings: Finding[];
+  textures?: TextureInfo[]; // if there are images
   sections: Record<string, number>; // bytes of each section, in their order
 }
 
@@ -58,6 +79,8 @@ export interface Unwrap {
 export interface PageInfo {
   version: string;
   maps: MapInfo[];
+  images?: ImageInfo[];
+  imageNotes?: string[]; // about images that cannot be shown
   unwrap?: Unwrap; // how the last map was made
   title?: string; // what the page is about
   sheet?: string; // address of the contact sheet that this page belongs to
@@ -76,6 +99,9 @@ export interface MapData {
   material: Int32Array; // -1: none
   outline: Uint32Array; // half-edges: corner c faces the edge
   visibility: Uint8Array; // per triangle, 0 to 254: the share of its surroundings that is open
+  texture: Int32Array | null; // per triangle: of MapInfo.textures, -1: none
+  colors: Uint8Array | null; // 4 a place, sRGB and alpha: what textures are multiplied by
+  uvFine: Uint16Array | null; // 2 a place: what `uv` lacks, plus a half, in 65535ths of its steps
   seams: Uint8Array; // per half-edge of the outline: as visibility; 255: the surface ends there
 }
 
@@ -164,6 +190,9 @@ function decode(info: MapInfo, bytes: Uint8Array): MapData {
     polygon: running('polygon', new Uint32Array(n)),
     material: running('material', new Int32Array(n)),
     outline: running('outline', new Uint32Array(countVarints(section.outline!))),
+    texture: section.texture ? running('texture', new Int32Array(n)) : null,
+    colors: section.colors ?? null,
+    uvFine: section.uvFine ? fromPlanes(section.uvFine, info.places, 2) : null,
     visibility: section.visibility!,
     seams: section.seams!,
   };
@@ -175,11 +204,15 @@ function countVarints(bytes: Uint8Array): number {
   return count;
 }
 
-async function inflate(base64: string): Promise<Uint8Array> {
+function bytesOf(base64: string): Uint8Array {
   const text = atob(base64);
   const bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return bytes;
+}
+
+async function inflate(base64: string): Promise<Uint8Array> {
+  const stream = new Blob([bytesOf(base64)]).stream().pipeThrough(new DecompressionStream('deflate'));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
@@ -192,4 +225,14 @@ export async function readPage(): Promise<{ page: PageInfo; maps: MapData[] }> {
     element.remove(); // its text is of no more use, and may be large
   }
   return { page, maps };
+}
+
+// The images of the page, with the values that their files have. To be called once.
+export function readImages(page: PageInfo): Promise<ImageBitmap[]> {
+  return Promise.all((page.images ?? []).map(({ type }, i) => {
+    const element = document.getElementById(`planish-image-${i}`)!;
+    const blob = new Blob([bytesOf(element.textContent!.trim())], { type });
+    element.remove();
+    return createImageBitmap(blob, { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+  }));
 }

@@ -1,5 +1,6 @@
 // The page of `planish report`.
-import { angleOf, FAULTS, readPage, STRETCH_RANGE, stretchOf, type Finding } from './data';
+import * as THREE from 'three';
+import { angleOf, FAULTS, readImages, readPage, STRETCH_RANGE, stretchOf, type Finding, type PageInfo } from './data';
 import { Panels } from './panels';
 import { escape } from './plots';
 import { MODES, type Mode } from './shaders';
@@ -8,23 +9,27 @@ import './style.css';
 import { Viewer, type Hit } from './viewer';
 
 const MODE_NAMES: Record<Mode, string> = {
-  checker: 'Checker', charts: 'Charts', stretch: 'Stretch', angle: 'Angles', seams: 'Seams', colour: 'Colour',
+  checker: 'Checker', charts: 'Charts', stretch: 'Stretch', angle: 'Angles', seams: 'Seams', colour: 'Colour', textured: 'Textured',
 };
-const HELP = `1 to 6: what is shown · W: wireframe · S: seams · P: padding · R: reset · B: before, after, both
+const HELP = (modes: number): string => `1 to ${modes}: what is shown · W: wireframe · S: seams · P: padding · R: reset · B: before, after, both
 arrows: turn · + and −: nearer, farther · T: dark or light · Esc: select nothing · drag, wheel and click in both views`;
+
+type Toggle = 'wireframe' | 'seams' | 'padding' | 'isDark';
 
 interface State {
   mode: Mode;
   wireframe: boolean;
   seams: boolean;
   padding: boolean;
+  texturedSeams: boolean; // `seams` and `padding` of the mode "textured"
+  texturedPadding: boolean;
   shown: number[];
   isDark: boolean;
   selected: { map: number; chart: number } | null;
   hovered: Hit | null;
 }
 
-function frame(title: string, summary: string, maps: string[], sheet: string | undefined): string {
+function frame(title: string, summary: string, maps: string[], modes: readonly Mode[], sheet: string | undefined): string {
   return `
     <header>
       ${sheet === undefined ? '' : `<a href="${escape(encodeURI(sheet))}" title="The contact sheet">← all files</a>`}<h1>${escape(title)}</h1><p>${escape(summary)}</p>
@@ -35,7 +40,7 @@ function frame(title: string, summary: string, maps: string[], sheet: string | u
     <main>
       <section class="stage">
         <div class="toolbar" role="toolbar" aria-label="What is shown">
-          <div class="group">${MODES.map((m, i) => `<button data-mode="${m}" title="${MODE_NAMES[m]} (${i + 1})">${MODE_NAMES[m]}</button>`).join('')}</div>
+          <div class="group">${modes.map((m, i) => `<button data-mode="${m}" title="${MODE_NAMES[m]} (${i + 1})">${MODE_NAMES[m]}</button>`).join('')}</div>
           <div class="group">
             <button data-toggle="wireframe" title="Edges of all triangles (W)">Wireframe</button>
             <button data-toggle="seams" title="Seams on the surface (S)">Seam lines</button>
@@ -45,7 +50,7 @@ function frame(title: string, summary: string, maps: string[], sheet: string | u
           <button id="help" title="Keys" aria-label="Keys">?</button>
         </div>
         <div class="views"><canvas tabindex="0" aria-label="The surface on the left, its layout on the right"></canvas>
-          <div id="labels"></div><div id="rings"></div><div id="legend"></div><div id="tip" hidden></div><div id="keys" hidden>${escape(HELP).replace('\n', '<br>')}</div></div>
+          <div id="labels"></div><div id="rings"></div><div id="legend"></div><div id="tip" hidden></div><div id="keys" hidden>${escape(HELP(modes.length)).replace('\n', '<br>')}</div></div>
       </section>
       <aside id="side"></aside>
     </main>`;
@@ -57,11 +62,13 @@ async function start(): Promise<void> {
   const { page, maps } = await readPage();
   const last = page.maps.at(-1)!;
   const title = page.title ?? page.maps.map((m) => m.name).filter((name, i, all) => all.indexOf(name) === i).join(' → ');
+  const modes = page.images ? MODES : MODES.filter((mode) => mode !== 'textured');
   document.title = `${title} – planish report`;
   app.innerHTML = frame(
     title,
     `${last.triangles.toLocaleString('en')} triangles, ${last.charts.length.toLocaleString('en')} charts · planish ${page.version}`,
     page.maps.map((m) => m.name),
+    modes,
     page.sheet,
   );
   const element = <T extends HTMLElement>(selector: string): T => app.querySelector<T>(selector)!;
@@ -75,22 +82,29 @@ async function start(): Promise<void> {
   }
   const { models } = viewer;
   const state: State = {
-    mode: 'checker', wireframe: false, seams: true, padding: true, shown: page.maps.map((_, i) => i),
+    mode: 'checker', wireframe: false, seams: true, padding: true, texturedSeams: false, texturedPadding: false, shown: page.maps.map((_, i) => i),
     isDark: matchMedia('(prefers-color-scheme: dark)').matches, selected: null, hovered: null,
   };
+  // "report.html#charts" opens in that mode.
+  state.mode = modes.find((mode) => mode === location.hash.slice(1)) ?? state.mode;
   // Both maps have the same colour scales, which 2 % of the triangles may exceed.
   const stretchTop = Math.max(0.25, ...models.map((m) => (m.quantile(m.data.stretch, 0.98) / 254) * STRETCH_RANGE));
   const angleTop = Math.max(2, ...models.map((m) => angleOf(m.quantile(m.data.angle, 0.98))));
 
+  // Lines hide what images look like, so they are switched by themselves there.
+  const keyOf = (key: Toggle): 'wireframe' | 'seams' | 'padding' | 'texturedSeams' | 'texturedPadding' | 'isDark' =>
+    state.mode !== 'textured' ? key : key === 'seams' ? 'texturedSeams' : key === 'padding' ? 'texturedPadding' : key;
+  let images: Promise<void> | null = null; // once they are asked for
   const apply = (): void => {
+    if (state.mode === 'textured') images ??= viewer.loadImages(readImages(page)).then(apply);
     document.documentElement.dataset.theme = state.isDark ? 'dark' : 'light';
     const style = getComputedStyle(document.documentElement);
     const color = (name: string): string => style.getPropertyValue(name).trim();
     viewer.setColors(color('--stage'), color('--tile'), color('--ink'));
-    viewer.setMode(state.mode, state.isDark, state.seams);
+    viewer.setMode(state.mode, state.isDark, state[keyOf('seams')]);
     models.forEach((model, i) => {
       model.setWireframe(state.wireframe); // after setMode(), which decides on seams
-      model.setPadding(state.padding);
+      model.setPadding(state[keyOf('padding')]);
       model.setRanges(stretchTop, angleTop);
       model.setSelected(state.selected?.map === i ? state.selected.chart : -1);
     });
@@ -98,14 +112,14 @@ async function start(): Promise<void> {
       button.setAttribute('aria-pressed', String(button.dataset.mode === state.mode));
     }
     for (const button of app.querySelectorAll<HTMLElement>('[data-toggle]')) {
-      button.setAttribute('aria-pressed', String(state[button.dataset.toggle as 'wireframe' | 'seams' | 'padding']));
+      button.setAttribute('aria-pressed', String(state[keyOf(button.dataset.toggle as Toggle)]));
     }
     for (const button of app.querySelectorAll<HTMLElement>('[data-show]')) {
       const isBoth = button.dataset.show === 'both';
       const isOn = isBoth ? state.shown.length > 1 : state.shown.length === 1 && state.shown[0] === Number(button.dataset.show);
       button.setAttribute('aria-pressed', String(isOn));
     }
-    element('#legend').innerHTML = legend(state.mode, stretchTop, angleTop);
+    element('#legend').innerHTML = state.mode === 'textured' ? imageLegend(page) : legend(state.mode, stretchTop, angleTop);
     element('#labels').innerHTML = state.shown.length < 2 ? '' : state.shown
       .map((m, row) => `<span style="top:calc(${(100 * row) / state.shown.length}% + 8px)">${escape(page.maps[m]!.name)}</span>`)
       .join('');
@@ -184,15 +198,15 @@ async function start(): Promise<void> {
     select(hit.map, isSame ? -1 : chart, false);
   };
 
-  const toggle = (key: 'wireframe' | 'seams' | 'padding' | 'isDark'): void => {
-    state[key] = !state[key];
+  const toggle = (key: Toggle): void => {
+    state[keyOf(key)] = !state[keyOf(key)];
     apply();
   };
   app.addEventListener('click', (event) => {
     const button = (event.target as HTMLElement).closest<HTMLElement>('header button, .toolbar button');
     if (!button) return;
     if (button.dataset.mode) state.mode = button.dataset.mode as Mode;
-    if (button.dataset.toggle) return toggle(button.dataset.toggle as 'wireframe');
+    if (button.dataset.toggle) return toggle(button.dataset.toggle as Toggle);
     if (button.dataset.show) return show(button.dataset.show === 'both' ? page.maps.map((_, i) => i) : [Number(button.dataset.show)]);
     if (button.id === 'theme') return toggle('isDark');
     if (button.id === 'reset') viewer.reset();
@@ -216,7 +230,7 @@ async function start(): Promise<void> {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const isInPanel = (event.target as HTMLElement).closest('aside') !== null;
     if (isInPanel && event.key.startsWith('Arrow')) return;
-    const mode = MODES[Number(event.key) - 1];
+    const mode = modes[Number(event.key) - 1];
     const action = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (mode) state.mode = mode;
     if (!mode && !action) return;
@@ -238,6 +252,9 @@ async function start(): Promise<void> {
         const box = canvas.getBoundingClientRect();
         return viewer.pick(x - box.left, y - box.top);
       },
+      // Draws a surface from a direction: RGBA of size x size pixels, from the bottom.
+      picture: (map: number, direction: [number, number, number], size: number) =>
+        viewer.picture(map, new THREE.Vector3(...direction).normalize(), size),
       isIdle: () => viewer.isIdle,
       maps,
     },
@@ -251,6 +268,13 @@ function legend(mode: Mode, stretchTop: number, angleTop: number): string {
   if (mode === 'angle') return `<span>0°</span><i class="cividis"></i><span>${angleTop.toFixed(angleTop < 10 ? 1 : 0)}°</span>`;
   if (mode === 'seams') return '<span>hidden</span><i class="seams"></i><span>in the open</span>';
   return '';
+}
+
+// Says which images are smaller than in the files, or missing.
+function imageLegend({ images = [], imageNotes = [] }: PageInfo): string {
+  const notes = [...imageNotes], [first] = images.filter((image) => image.width < image.fileWidth);
+  if (first) notes.unshift(`Images are smaller here than in the files: ${first.name} has ${first.width} × ${first.height} of ${first.fileWidth} × ${first.fileHeight} texels`);
+  return notes.map((note) => `<span>${escape(note)}</span>`).join('');
 }
 
 start().catch((error: unknown) => {

@@ -1,6 +1,6 @@
 // One map on the graphics card, for both views.
 import * as THREE from 'three';
-import { FAULTS, type Finding, type MapData } from './data';
+import { FAULTS, type Finding, type MapData, type TextureInfo } from './data';
 import {
   FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, SEAM_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode,
   MODES,
@@ -101,8 +101,12 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   }
   const size = info.places + copies;
   const place = new Uint16Array(4 * size), texcoord = new Uint16Array(2 * size), face = new Uint32Array(size);
+  const fine = data.texture ? new Uint16Array(2 * size).fill(32768) : null;
+  const colors = data.texture ? new Uint8Array(4 * size).fill(255) : null;
   place.set(places);
   texcoord.set(uv);
+  if (data.uvFine) fine?.set(data.uvFine);
+  if (data.colors) colors?.set(data.colors);
   const index = new Uint32Array(3 * n);
   for (let f = 0, next = info.places; f < n; ++f) {
     const k = provoking[f]! % 3, corner = provoking[f] === 3 ? 2 : k;
@@ -110,6 +114,8 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
     if (provoking[f] === 3) {
       place.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
       texcoord.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
+      fine?.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
+      colors?.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
       vertex = next++;
     }
     face[vertex] = f;
@@ -121,7 +127,53 @@ function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): T
   geometry.setAttribute('aPlace', integers(place, 4));
   geometry.setAttribute('aUv', integers(texcoord, 2));
   geometry.setAttribute('aFace', integers(face, 1));
+  if (fine) geometry.setAttribute('aFine', integers(fine, 2));
+  if (colors) geometry.setAttribute('aColor', integers(colors, 4));
   return geometry;
+}
+
+// Splits a geometry by texture; the last part has the triangles without one.
+function byTexture(geometry: THREE.BufferGeometry, texture: Int32Array, textures: TextureInfo[]): THREE.BufferGeometry[] {
+  const slotOf = (t: number): number => (t >= 0 && t < textures.length ? t : textures.length);
+  const sizes = new Uint32Array(textures.length + 1);
+  for (const t of texture) sizes[slotOf(t)]! += 3;
+  const all = geometry.getIndex()!.array as Uint32Array;
+  const parts = Array.from(sizes, (size) => new Uint32Array(size));
+  sizes.fill(0);
+  texture.forEach((t, f) => {
+    const slot = slotOf(t);
+    for (let k = 0; k < 3; ++k) parts[slot]![sizes[slot]!++] = all[3 * f + k]!;
+  });
+  return parts.map((index) => {
+    const part = new THREE.BufferGeometry();
+    for (const [name, attribute] of Object.entries(geometry.attributes)) part.setAttribute(name, attribute);
+    part.setIndex(new THREE.BufferAttribute(index, 1));
+    return part;
+  });
+}
+
+// What materials without an image show, but for their factor.
+const PLAIN: TextureInfo = {
+  image: -1, transform: [1, 0, 0, 0, 1, 0], wrap: ['repeat', 'repeat'], nearest: false, factor: [1, 1, 1, 1], alpha: 'opaque', cutoff: 0,
+};
+const WHITE = new THREE.DataTexture(new Uint8Array(4).fill(255), 1, 1);
+WHITE.needsUpdate = true;
+
+const WRAPS = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
+const ALPHAS = ['opaque', 'mask', 'blend'];
+
+// An image as a texture reads it: in linear light, with mipmaps.
+function imageTexture(image: ImageBitmap, info: TextureInfo, anisotropy: number): THREE.Texture {
+  const texture = new THREE.Texture(image);
+  texture.wrapS = WRAPS[info.wrap[0]];
+  texture.wrapT = WRAPS[info.wrap[1]];
+  texture.magFilter = info.nearest ? THREE.NearestFilter : THREE.LinearFilter;
+  texture.minFilter = THREE.LinearMipmapLinearFilter;
+  texture.anisotropy = anisotropy;
+  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.flipY = false;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 // One map. Both views draw it with the same uniforms, so modes and marks are the same in both.
@@ -139,6 +191,8 @@ export class MapModel {
   private readonly paddingMesh: THREE.Mesh;
   private readonly surfaceLines: THREE.Mesh;
   private readonly geometry: THREE.BufferGeometry;
+  private readonly faces: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>[] = []; // on the surface, in the layout
+  private textured: THREE.Mesh[] = []; // instead of `faces`, once there are images
   private wires: THREE.LineSegments[] = []; // made when they are first asked for
 
   // firstProvokes: whether the flat values of a triangle come from its first vertex; otherwise from its last one.
@@ -191,6 +245,7 @@ export class MapModel {
       uStretchTop: { value: 1 },
       uAngleTop: { value: 20 },
       uLight: { value: 0.9 },
+      uPage: { value: new THREE.Vector3() },
     };
     this.geometry = drawable(data, places, firstProvokes);
     for (const [scene, isLayout, isPick] of [
@@ -210,6 +265,7 @@ export class MapModel {
       const mesh = new THREE.Mesh(this.geometry, material);
       mesh.frustumCulled = false;
       scene.add(mesh);
+      if (!isPick) this.faces.push(mesh);
     }
     // Surface seams lie over the faces, padding below them, outlines on top.
     const line = (isLayout: boolean): THREE.RawShaderMaterial =>
@@ -243,7 +299,6 @@ export class MapModel {
     this.surface.add(this.surfaceLines);
     this.paddingMesh = mesh(this.lines.padding, -1);
     this.layout.add(this.paddingMesh, mesh(this.lines.outline, 1));
-    (this.layout.children[0] as THREE.Mesh).renderOrder = 0;
   }
 
   private lineGeometry(): THREE.InstancedBufferGeometry {
@@ -264,8 +319,49 @@ export class MapModel {
     return geometry;
   }
 
+  setImages(images: ImageBitmap[], anisotropy: number): void {
+    const { texture, info, colors } = this.data, { textures = [] } = info;
+    if (!texture) return;
+    const drawn = new Map<string, THREE.Texture>();
+    const imageOf = (info: TextureInfo): THREE.Texture => {
+      if (info.image < 0) return WHITE;
+      const key = `${info.image} ${info.wrap.join()} ${info.nearest}`;
+      if (!drawn.has(key)) drawn.set(key, imageTexture(images[info.image]!, info, anisotropy));
+      return drawn.get(key)!;
+    };
+    for (const [i, geometry] of byTexture(this.geometry, texture, textures).entries()) {
+      if (geometry.getIndex()!.count === 0) continue;
+      const of = textures[i] ?? (colors ? PLAIN : undefined);
+      for (const [k, scene] of [this.surface, this.layout].entries()) {
+        let material = this.faces[k]!.material;
+        if (of) {
+          material = material.clone();
+          material.defines = { ...material.defines, TEXTURED: '' };
+          material.uniforms = {
+            ...this.uniforms,
+            tImage: { value: imageOf(of) },
+            uTransform: { value: new THREE.Matrix3(...(of.transform as [number, number, number, number, number, number]), 0, 0, 1) },
+            uFactor: { value: new THREE.Vector4(...of.factor) },
+            uAlpha: { value: ALPHAS.indexOf(of.alpha) },
+            uCutoff: { value: of.cutoff },
+          };
+        }
+        const mesh = new THREE.Mesh(geometry, material);
+        mesh.frustumCulled = false;
+        scene.add(mesh);
+        this.textured.push(mesh);
+      }
+    }
+  }
+  setPage(color: THREE.Color): void {
+    this.uniforms.uPage!.value.set(color.r, color.g, color.b);
+  }
+
   setMode(mode: Mode, isDark: boolean): void {
     this.uniforms.uMode!.value = MODES.indexOf(mode);
+    const isTextured = mode === 'textured' && this.textured.length > 0;
+    for (const mesh of this.faces) mesh.visible = !isTextured;
+    for (const mesh of this.textured) mesh.visible = isTextured;
     this.uniforms.uLight!.value = isDark ? 0.16 : 0.93;
     const isSeams = mode === 'seams';
     for (const lines of [this.lines.surface, this.lines.outline]) lines.uniforms.uByVisibility!.value = isSeams;

@@ -25,6 +25,13 @@ in uvec2 aUv;
 in uint aFace;               // that this vertex provokes
 uniform usampler2D tFace;    // stretch, angle, faults, marked
 uniform usampler2D tChart;   // chart, material + 1 and visibility above 24 bits
+#ifdef TEXTURED
+in uvec2 aFine;              // the remainder of aUv plus a half, in 65535ths
+in uvec4 aColor;             // sRGB and alpha: what the image is multiplied by
+uniform mat3 uTransform;     // to places in the image, v downwards
+out vec2 vImage;
+out vec4 vFactor;
+#endif
 flat out int vFace;
 flat out uvec4 vValues;
 flat out uvec2 vGroup;
@@ -42,6 +49,12 @@ void main() {
   vValues = texelFetch(tFace, texel(vFace), 0);
   vGroup = texelFetch(tChart, texel(vFace), 0).xy;
   vUv = mapOf(aUv);
+#ifdef TEXTURED
+  vec2 at = uUvLow + uUvSize * (vec2(aUv) + vec2(aFine) / 65535.0 - 0.5) / 65535.0;
+  vImage = (uTransform * vec3(at.x, 1.0 - at.y, 1.0)).xy;
+  vec4 c = vec4(aColor) / 255.0;
+  vFactor = vec4(mix(c.rgb / 12.92, pow((c.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(c.rgb, vec3(0.04045))), c.a);
+#endif
   vNormal = mat3(modelViewMatrix) * unpackNormal(aPlace.w);
 #ifdef LAYOUT
   vec4 eye = modelViewMatrix * vec4(vUv, 0.0, 1.0);
@@ -62,7 +75,7 @@ void main() {
   color = vec4(id & 255, (id >> 8) & 255, (id >> 16) & 255, id >> 24) / 255.0;
 }`;
 
-export const MODES = ['checker', 'charts', 'stretch', 'angle', 'seams', 'colour'] as const;
+export const MODES = ['checker', 'charts', 'stretch', 'angle', 'seams', 'colour', 'textured'] as const;
 export type Mode = (typeof MODES)[number];
 
 // Viridis and cividis, by polynomials: both rise evenly in lightness, so that they read without colours too.
@@ -92,6 +105,15 @@ in vec3 vEye;
 in vec3 vNormal;
 in vec2 vUv;
 out vec4 color;
+#ifdef TEXTURED
+uniform sampler2D tImage;
+uniform vec4 uFactor;        // linear
+uniform int uAlpha;          // 0: opaque, 1: mask, 2: blend
+uniform float uCutoff;
+uniform vec3 uPage;          // the background
+in vec2 vImage;
+in vec4 vFactor;
+#endif
 ${SCALES}
 // Hues by the golden angle, lightness in three steps.
 vec3 chartColor(uint chart) {
@@ -105,6 +127,12 @@ float squares(vec2 p) {
   return 0.5 - 0.5 * i.x * i.y;
 }
 vec3 surfaceColor() {
+#ifdef TEXTURED
+  vec4 texel = texture(tImage, vImage) * uFactor * vFactor;
+  if (uAlpha == 1 && texel.a < uCutoff || uAlpha == 2 && texel.a < 0.004) discard;
+  vec3 display = mix(12.92 * texel.rgb, 1.055 * pow(texel.rgb, vec3(1.0 / 2.4)) - 0.055, greaterThan(texel.rgb, vec3(0.0031308)));
+  return uAlpha == 2 ? mix(uPage, display, texel.a) : display;
+#else
   float stretch = float(vValues.x) / 254.0 * 4.0, angle = float(vValues.y) / 254.0;
   bool hasArea = vValues.x != 255u;
   if (uMode == 0) {
@@ -117,6 +145,7 @@ vec3 surfaceColor() {
   if (uMode == 3) return cividis(clamp(180.0 * angle * angle / uAngleTop, 0.0, 1.0));
   if (uMode == 4) return mix(vec3(0.62), chartColor(vGroup.x), 0.12) * (0.3 + 0.9 * float(vGroup.y >> 24) / 254.0);
   return texelFetch(tMaterial, ivec2(int(vGroup.y & 0xffffffu), 0), 0).rgb;
+#endif
 }
 void main() {
   vec3 c = surfaceColor();
@@ -126,8 +155,8 @@ void main() {
   if (dot(n, flatNormal) < 0.0) n = -n;
   if (!(dot(n, flatNormal) > 0.82)) n = flatNormal;
   float facing = abs(dot(n, normalize(vEye)));
-  c *= 0.34 + 0.66 * facing;
-  if (!gl_FrontFacing && uMode != 0) c *= 0.72;
+  c *= uMode == 6 ? 0.6 + 0.4 * facing : 0.34 + 0.66 * facing;
+  if (!gl_FrontFacing && uMode != 0 && uMode != 6) c *= 0.72;
 #endif
   if (uMarks && vValues.w != 0u) c = mix(c, vec3(0.90, 0.10, 0.42), 0.85);
   if (uSelected >= 0) c = int(vGroup.x) == uSelected ? mix(c, vec3(1.0), 0.12) : mix(c, vec3(uLight), 0.72);

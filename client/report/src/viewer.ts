@@ -54,6 +54,7 @@ export class Viewer {
   private panes: Pane[] = [];
   private shown: number[];
   private needsFrame = false;
+  private isLoading = false;
   private pointer: { x: number; y: number } | null = null;
   private press: { x: number; y: number; isLayout: boolean; moved: boolean } | null = null;
   private flight: { start: number; from: THREE.Vector3[]; to: THREE.Vector3[]; uvFrom: number[]; uvTo: number[] } | null = null;
@@ -119,6 +120,17 @@ export class Viewer {
     return sphere;
   }
 
+  // What the surfaces show in the mode "textured".
+  async loadImages(images: Promise<ImageBitmap[]>): Promise<void> {
+    this.isLoading = true;
+    try {
+      const loaded = await images;
+      for (const model of this.models) model.setImages(loaded, this.renderer.capabilities.getMaxAnisotropy());
+    } finally {
+      this.isLoading = false;
+    }
+  }
+
   show(maps: number[]): void {
     this.shown = maps;
     this.resize();
@@ -130,6 +142,7 @@ export class Viewer {
     for (const [uniform, text] of [[uPage, page], [uTile, tile], [uInk, ink]] as const) {
       (uniform!.value as THREE.Color).setStyle(text, THREE.LinearSRGBColorSpace);
     }
+    for (const model of this.models) model.setPage(uPage!.value as THREE.Color);
     this.redraw();
   }
 
@@ -155,8 +168,8 @@ export class Viewer {
   }
 
   // The distance from the middle of everything at which all of it is seen in a square view.
-  private fittingDistance(direction: THREE.Vector3): number {
-    const right = new THREE.Vector3(0, 1, 0).cross(direction).normalize(), up = direction.clone().cross(right);
+  private fittingDistance(direction: THREE.Vector3, above = new THREE.Vector3(0, 1, 0)): number {
+    const right = above.clone().cross(direction).normalize(), up = direction.clone().cross(right);
     const slope = Math.tan((FIELD * Math.PI) / 360) * 0.94;
     let distance = 0;
     for (const p of this.samples) {
@@ -230,7 +243,7 @@ export class Viewer {
 
   // Whether nothing moves, and the last requested frame is drawn.
   get isIdle(): boolean {
-    return !this.needsFrame && !this.flight;
+    return !this.needsFrame && !this.flight && !this.isLoading;
   }
 
   redraw(): void {
@@ -309,6 +322,31 @@ export class Viewer {
     }
     this.renderer.setScissorTest(false);
     this.onDraw();
+  }
+
+  // Draws a whole surface from a direction: RGBA, rows from the bottom; alpha is 0 in the background.
+  picture(map: number, direction: THREE.Vector3, size: number): Uint8Array {
+    const up = new THREE.Vector3(...(Math.abs(direction.y) > 0.9 ? [0, 0, 1] : [0, 1, 0]));
+    const camera = new THREE.PerspectiveCamera(FIELD, 1), distance = this.fittingDistance(direction, up);
+    camera.up.copy(up);
+    camera.position.copy(this.sphere.center).addScaledVector(direction, distance);
+    camera.lookAt(this.sphere.center);
+    camera.near = Math.max(distance / 5000, distance - 1.05 * this.sphere.radius);
+    camera.far = distance + 1.05 * this.sphere.radius;
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    const target = new THREE.WebGLRenderTarget(size, size, { samples: 4 }), pixels = new Uint8Array(4 * size * size);
+    this.renderer.setRenderTarget(target);
+    this.renderer.setScissorTest(false);
+    this.renderer.setClearColor(0, 0);
+    this.renderer.clear();
+    this.models[map]!.setViewport(new THREE.Vector2(size, size), 1);
+    this.renderer.render(this.models[map]!.surface, camera);
+    this.renderer.readRenderTargetPixels(target, 0, 0, size, size, pixels);
+    this.renderer.setRenderTarget(null);
+    target.dispose();
+    this.redraw();
+    return pixels;
   }
 
   private drawGrid(pane: Pane, model: MapModel, pixels: THREE.Vector2): void {
