@@ -16,7 +16,7 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr std::int32_t kReportStride = 256;  // discs or joints
+constexpr std::int32_t kReportStride = 512;  // discs or joints
 constexpr double kFirstEstimates = 0.2;      // of the time of Run()
 constexpr double kNearLimit = 0.999;         // a step of the limit above this part of the last limit is skipped
 
@@ -51,14 +51,14 @@ struct Joint {
 class Merging {
  public:
   Merging(std::int32_t count, double max_stretch, const AtlasTuning& tuning, Gluing* gluing,
-          std::vector<std::int32_t>* disc_of, std::vector<float> kept)
+          std::vector<std::int32_t>* disc_of, std::vector<float> kept, const Execution& execution)
       : max_stretch_(max_stretch),
         tuning_(tuning),
         surface_(gluing->surface()),
         mesh_(*surface_.mesh),
         gluing_(*gluing),
         disc_of_(*disc_of),
-        estimate_(*gluing, tuning, std::move(kept)),
+        estimate_(*gluing, tuning, std::move(kept), execution),
         discs_(count) {}
 
   void Run(const Execution& execution) {
@@ -67,15 +67,17 @@ class Merging {
       if (disc_of_[f] < 0) continue;
       discs_[disc_of_[f]].faces.push_back(f);
     }
-    for (std::int32_t d = 0; d < count; ++d) {
-      Disc& disc = discs_[d];
-      disc.interior = estimate_.InteriorOf(disc.faces);
-      for (const std::int32_t f : disc.faces) disc.sums.area += surface_.area[f];
-      disc.sums = estimate_.Whole({disc.interior}, disc.sums.area);
-      disc.estimated = disc.faces.size();
-      estimate_.Keep();
-      WalkOutline(d);
-      if (d % kReportStride == 0) execution.Report(kFirstEstimates * d / count);
+    for (std::int32_t first = 0; first < count; first += kReportStride) {
+      execution.Report(kFirstEstimates * first / count);
+      constexpr std::int64_t kDiscs = 16;  // of a chunk
+      execution.For(
+          std::min(count - first, kReportStride),
+          [&](std::int64_t begin, std::int64_t end) {
+            StretchEstimate::Work work;
+            for (std::int64_t d = first + begin; d < first + end; ++d)
+              EstimateFirst(static_cast<std::int32_t>(d), &work);
+          },
+          kDiscs);
     }
     // Raises the limit step by step. With a high limit at once, discs would join the neighbours with the longest
     // borders, whatever stretch that costs, and more discs would remain.
@@ -94,6 +96,17 @@ class Merging {
   std::vector<float> TakeKept() { return estimate_.TakeKept(); }
 
  private:
+  // Estimates a disc before any is glued to another.
+  void EstimateFirst(std::int32_t d, StretchEstimate::Work* work) {
+    Disc& disc = discs_[d];
+    disc.interior = estimate_.InteriorOf(disc.faces);
+    for (const std::int32_t f : disc.faces) disc.sums.area += surface_.area[f];
+    disc.sums = estimate_.Whole({disc.interior}, disc.sums.area, work);
+    disc.estimated = disc.faces.size();
+    estimate_.Keep(*work);
+    WalkOutline(d);
+  }
+
   // Glues discs until no joint is left that max_stretch_ allows, or a stop is requested.
   void Merge(const Execution& execution) {
     const auto count = static_cast<std::int32_t>(discs_.size());
@@ -137,15 +150,16 @@ class Merging {
     return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
   }
 
-  // Stores the outline of disc d in walk_.
-  void WalkOutline(std::int32_t d) {
+  // Returns the outline of disc d, and stores its figures.
+  std::vector<HalfedgeHandle> WalkOutline(std::int32_t d) {
     Disc& disc = discs_[d];
     const bool is_known = disc.outline.is_valid() && gluing_.IsOutline(disc.outline);
     if (!is_known) disc.outline = FirstOnOutline(gluing_, disc.faces);
-    walk_ = OutlineFrom(gluing_, disc.outline);
+    std::vector<HalfedgeHandle> walk = OutlineFrom(gluing_, disc.outline);
     disc.perimeter = 0;
-    for (const HalfedgeHandle h : walk_) disc.perimeter += surface_.length(h);
-    disc.outline_edges = static_cast<std::int32_t>(walk_.size());
+    for (const HalfedgeHandle h : walk) disc.perimeter += surface_.length(h);
+    disc.outline_edges = static_cast<std::int32_t>(walk.size());
+    return walk;
   }
 
   // The joint of discs d and `other` along this border on the outline of d; nullopt if too short an outline would be
@@ -180,7 +194,7 @@ class Merging {
 
   // Queues the joints of disc d; unless `all`, only those with discs of higher numbers.
   void PushJoints(std::int32_t d, bool all) {
-    WalkOutline(d);
+    walk_ = WalkOutline(d);
     discs_[d].walked = discs_[d].faces.size();
     for (const auto& [border, other] : BordersAlong(gluing_, disc_of_, &walk_)) {
       if (!all && other < d) continue;
@@ -232,15 +246,16 @@ class Merging {
   // small disc on a large one is estimated only near the small one, until the large one has grown.
   StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint) {
     const double area = large->sums.area + small.sums.area;
-    if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area);
+    if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area, &work_);
     const auto grown = static_cast<double>(large->faces.size());
     if (grown > (1 + tuning_.estimate_growth) * static_cast<double>(large->estimated)) {
-      large->sums = estimate_.Whole({large->interior}, large->sums.area);
+      large->sums = estimate_.Whole({large->interior}, large->sums.area, &work_);
       large->estimated = large->faces.size();
-      estimate_.Keep();
+      estimate_.Keep(work_);
     }
-    return estimate_.Joined(small.faces,
-                            {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
+    const StretchEstimate::Sums before = {area, large->sums.larger + small.sums.larger,
+                                          large->sums.smaller + small.sums.smaller};
+    return estimate_.Joined(small.faces, before, &work_);
   }
 
   void TryJoint(const Joint& joint) {
@@ -261,7 +276,7 @@ class Merging {
       failed_[{std::min(to, from), std::max(to, from)}] = faces;
       return border->Undo(&gluing_);
     }
-    estimate_.Keep();
+    estimate_.Keep(work_);
     if (IsWhole(large, small)) large.estimated = faces;
     const std::vector<std::int32_t> joined = std::exchange(small.faces, {});
     for (const std::int32_t f : joined) disc_of_[f] = to;
@@ -291,6 +306,7 @@ class Merging {
   Gluing& gluing_;
   std::vector<std::int32_t>& disc_of_;
   StretchEstimate estimate_;
+  StretchEstimate::Work work_;
   std::vector<Disc> discs_;
   std::priority_queue<Joint> queue_;
   std::vector<HalfedgeHandle> walk_;  // the outline, or border, that was walked last
@@ -345,7 +361,7 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
 
 void MergeDiscs(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
                 Gluing* gluing, std::vector<std::int32_t>* disc, std::vector<float>* kept) {
-  Merging merging(count, max_stretch, tuning, gluing, disc, std::move(*kept));
+  Merging merging(count, max_stretch, tuning, gluing, disc, std::move(*kept), execution);
   merging.Run(execution);
   *kept = merging.TakeKept();
 }

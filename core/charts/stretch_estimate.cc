@@ -21,7 +21,8 @@ double ScaleOf(double u) {
 
 }  // namespace
 
-StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept)
+StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept,
+                                 const Execution& execution)
     : gluing_(gluing),
       tuning_(tuning),
       weight_(gluing.mesh().n_edges(), 0.0),
@@ -37,14 +38,19 @@ StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning
   for (const FaceHandle f : mesh.faces()) {
     const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, f);
     for (int k = 0; k < 3; ++k) {
-      const double angle = surface.angle[half_edges[k].idx()];
-      const auto [sine, cosine] = portable::SinCosInTriangle(angle);
-      weight_[half_edges[k].idx() / 2] += std::clamp(sine > 0 ? cosine / sine : most, -most, most) / 2;
       Vertex& vertex = vertices_[mesh.to_vertex_handle(half_edges[Next(k)]).idx()];
-      vertex.load += angle;
+      vertex.load += surface.angle[half_edges[k].idx()];
       vertex.area += surface.area[f.idx()] / 3;
     }
   }
+  execution.ForEach(std::ssize(weight_), [&](std::int64_t e) {
+    for (const unsigned side : {0U, 1U}) {
+      const HalfedgeHandle h = mesh.halfedge_handle(EdgeHandle(static_cast<int>(e)), side);
+      if (mesh.is_boundary(h)) continue;
+      const auto [sine, cosine] = portable::SinCosInTriangle(surface.angle[h.idx()]);
+      weight_[e] += std::clamp(sine > 0 ? cosine / sine : most, -most, most) / 2;
+    }
+  });
   const auto ends = [&](EdgeHandle e) {
     const HalfedgeHandle h = mesh.halfedge_handle(e, 0);
     return std::array{mesh.from_vertex_handle(h).idx(), mesh.to_vertex_handle(h).idx()};
@@ -72,7 +78,6 @@ double StretchEstimate::Sums::Stretch() const {
 }
 
 std::vector<std::int32_t> StretchEstimate::InteriorOf(std::span<const std::int32_t> faces) {
-  Take({});
   std::vector<std::int32_t> interior;
   for (const std::int32_t f : faces) {
     for (const VertexHandle v : VerticesOf(gluing_.mesh(), FaceHandle(f))) {
@@ -85,26 +90,29 @@ std::vector<std::int32_t> StretchEstimate::InteriorOf(std::span<const std::int32
   return interior;
 }
 
-// Makes these vertices the unknowns: stores them in free_, and their numbers in number_.
-void StretchEstimate::Take(Parts vertices) {
-  for (const std::int32_t v : free_) number_[v] = -1;
-  free_.clear();
+// Makes these vertices the unknowns: stores them in Work::free_, and their numbers in number_.
+void StretchEstimate::Take(Parts vertices, Work* work) {
+  work->free_.clear();
   for (const std::span<const std::int32_t> part : vertices) {
     for (const std::int32_t v : part) {
-      number_[v] = static_cast<std::int32_t>(free_.size());
-      free_.push_back(v);
+      number_[v] = static_cast<std::int32_t>(work->free_.size());
+      work->free_.push_back(v);
     }
   }
 }
 
-// Solves for u at the vertices of free_. Returns `sums`, which hold for the kept u there or for u = 0, updated to the
-// solution.
-StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept) {
-  solver_.Start(static_cast<std::int32_t>(free_.size()));
-  for (const std::int32_t v : free_) {
+// Solves for u at the vertices of Work::free_, which have no numbers afterwards. Returns `sums`, which hold for the
+// kept u there or for u = 0, updated to the solution.
+StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept, Work* work) {
+  const std::vector<std::int32_t>& free = work->free_;
+  PoissonSolver& solver = work->solver_;
+  const auto count = static_cast<std::int32_t>(free.size());
+  work->capacity_ = std::max(work->capacity_, count);
+  solver.Start(count);
+  for (const std::int32_t v : free) {
     // The diagonal of L is positive except with degenerate triangles.
     const double diagonal = vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1;
-    solver_.AddRow(diagonal, KeptAt(v), [&](const auto& add) {
+    solver.AddRow(diagonal, KeptAt(v), [&](const auto& add) {
       double load = vertices_[v].load;
       for (const auto& [w, edge] : NeighboursOf(v)) {
         if (number_[w] >= 0) {
@@ -116,39 +124,41 @@ StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept) {
       return load;
     });
   }
-  solver_.Solve(tuning_.estimate_tolerance, tuning_.estimate_iterations);
-  const std::vector<double>& u = solver_.solution();
-  for (std::size_t i = 0; i < free_.size(); ++i) {
-    const double was = from_kept ? ScaleOf(KeptAt(free_[i])) : 1, is = ScaleOf(AsKept(u[i]));
-    sums.larger += vertices_[free_[i]].area * (is - was);
-    sums.smaller += vertices_[free_[i]].area * (1 / is - 1 / was);
+  solver.Solve(tuning_.estimate_tolerance, tuning_.estimate_iterations);
+  const std::vector<double>& u = solver.solution();
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const double was = from_kept ? ScaleOf(KeptAt(free[i])) : 1, is = ScaleOf(AsKept(u[i]));
+    sums.larger += vertices_[free[i]].area * (is - was);
+    sums.smaller += vertices_[free[i]].area * (1 / is - 1 / was);
+    number_[free[i]] = -1;
   }
   return sums;
 }
 
-StretchEstimate::Sums StretchEstimate::Whole(Parts interior, double area) {
-  Take(interior);
-  return SolveFor({area, area, area}, /*from_kept=*/false);
+StretchEstimate::Sums StretchEstimate::Whole(Parts interior, double area, Work* work) {
+  Take(interior, work);
+  return SolveFor({area, area, area}, /*from_kept=*/false, work);
 }
 
-StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before) {
+StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before, Work* work) {
   const TriMesh& mesh = gluing_.mesh();
-  faces_.assign(small.begin(), small.end());
-  for (const std::int32_t f : faces_) is_marked_[f] = 1;
+  std::vector<std::int32_t>& faces = work->faces_;
+  faces.assign(small.begin(), small.end());
+  for (const std::int32_t f : faces) is_marked_[f] = 1;
   const std::size_t most = small.size() * (1 + static_cast<std::size_t>(tuning_.estimate_reach));
-  for (std::size_t i = 0; i < faces_.size() && faces_.size() < most; ++i) {
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(faces_[i]))) {
+  for (std::size_t i = 0; i < faces.size() && faces.size() < most; ++i) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(faces[i]))) {
       const HalfedgeHandle across = gluing_.Across(h);
       if (!across.is_valid()) continue;
       const std::int32_t f = mesh.face_handle(across).idx();
-      if (std::exchange(is_marked_[f], 1) == 0) faces_.push_back(f);
+      if (std::exchange(is_marked_[f], 1) == 0) faces.push_back(f);
     }
   }
-  Take({});
-  // The unknowns are the vertices inside the disc all of whose faces are in faces_. Counts these faces in number_, from
-  // -1 downwards.
+  Take({}, work);
+  // The unknowns are the vertices inside the disc all of whose faces are in Work::faces_. Counts these faces in
+  // number_, from -1 downwards.
   const auto for_each_corner = [&](const auto& visit) {
-    for (const std::int32_t f : faces_) {
+    for (const std::int32_t f : faces) {
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) visit(mesh.to_vertex_handle(h));
     }
   };
@@ -158,11 +168,11 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
     if (number >= 0) return;
     const auto count = static_cast<std::size_t>(-1 - std::exchange(number, -1));
     if (!gluing_.IsInside(v) || count != NeighboursOf(v.idx()).size()) return;
-    number = static_cast<std::int32_t>(free_.size());
-    free_.push_back(v.idx());
+    number = static_cast<std::int32_t>(work->free_.size());
+    work->free_.push_back(v.idx());
   });
-  for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  return SolveFor(before, /*from_kept=*/true);
+  for (const std::int32_t f : faces) is_marked_[f] = 0;
+  return SolveFor(before, /*from_kept=*/true, work);
 }
 
 // Edges keep their lengths, since u = 0 on the outline. At a vertex the outline turns by pi, minus the angles of the
@@ -179,8 +189,8 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
       direction -= surface.angle[facing.idx()];
       const HalfedgeHandle edge = gluing_.Next(facing);  // to this vertex
       if (gluing_.IsOutline(edge)) return;
-      const std::int32_t number = number_[gluing_.mesh().from_vertex_handle(edge).idx()];
-      if (number >= 0) direction -= weight_[edge.idx() / 2] * AsKept(solver_.solution()[number]);
+      const VertexHandle v = gluing_.mesh().from_vertex_handle(edge);
+      if (gluing_.IsInside(v)) direction -= weight_[edge.idx() / 2] * KeptAt(v.idx());
     });
     points.push_back(at);
     travelled.push_back(length);
@@ -193,20 +203,22 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   return points;
 }
 
-StretchEstimate::Kept StretchEstimate::Replace() {
-  Kept before = {free_, {}};
-  before.u.reserve(free_.size());
-  for (const std::int32_t v : free_) before.u.push_back(kept_[v]);
-  Keep();
+StretchEstimate::Kept StretchEstimate::Replace(const Work& work) {
+  Kept before = {work.free_, {}};
+  before.u.reserve(work.free_.size());
+  for (const std::int32_t v : work.free_) before.u.push_back(kept_[v]);
+  Keep(work);
   return before;
 }
 
-void StretchEstimate::Restore(const Kept& kept) {
-  for (std::size_t i = 0; i < kept.u.size(); ++i) kept_[kept.vertices[i]] = kept.u[i];
+void StretchEstimate::Swap(Kept* kept) {
+  for (std::size_t i = 0; i < kept->u.size(); ++i) std::swap(kept_[kept->vertices[i]], kept->u[i]);
 }
 
-void StretchEstimate::Keep() {
-  for (std::size_t i = 0; i < free_.size(); ++i) kept_[free_[i]] = static_cast<float>(solver_.solution()[i]);
+void StretchEstimate::Keep(const Work& work) {
+  for (std::size_t i = 0; i < work.free_.size(); ++i) {
+    kept_[work.free_[i]] = static_cast<float>(work.solver_.solution()[i]);
+  }
 }
 
 }  // namespace planish

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/execution.h"
 #include "core/charts/gluing.h"
 #include "core/charts/poisson_solver.h"
 #include "core/charts/tuning.h"
@@ -20,12 +21,30 @@ namespace planish {
 // and is right to a few per cent.
 //
 // L and K of a vertex are the same in every disc that has the vertex inside, so they are computed once. The u of every
-// vertex is kept, and the next estimate starts from it. Not thread-safe.
+// vertex is kept, and the next estimate starts from it.
+//
+// Several threads may estimate different discs at the same time, each with a Work of its own: an estimate accesses only
+// data of the vertices inside its own disc.
 class StretchEstimate {
  public:
+  // Data of an estimate. May be used again for the next one.
+  class Work {
+   public:
+    // The most vertices that it has been used for.
+    std::int32_t capacity() const { return capacity_; }
+
+   private:
+    friend class StretchEstimate;
+    std::vector<std::int32_t> faces_;  // the faces that Joined() looks at
+    std::vector<std::int32_t> free_;   // the vertices that are solved for
+    PoissonSolver solver_;
+    std::int32_t capacity_ = 0;
+  };
+
   // `gluing` and `tuning` must outlive this. `kept`: TakeKept() of another StretchEstimate of the same surface; empty:
   // u starts from 0.
-  StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept = {});
+  StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept = {},
+                  const Execution& execution = {});
 
   // Over the faces of a disc: area, and the integrals of e^2u and e^-2u.
   struct Sums {
@@ -42,28 +61,29 @@ class StretchEstimate {
   std::vector<std::int32_t> InteriorOf(std::span<const std::int32_t> faces);
 
   // The sums of the disc with these interior vertices, all of which are solved for.
-  Sums Whole(Parts interior, double area);
+  Sums Whole(Parts interior, double area, Work* work);
 
   // The sums of a large disc to which a disc with the faces `small` has just been glued. Solves only for vertices
   // inside `small` and the faces of the large disc next to it, at most AtlasTuning::estimate_reach for each face of
   // `small`. All other vertices have their kept u. `before`: the sum of both discs' sums with the kept u; neither disc
-  // may have been cut since. O(n log n) in the faces of `small`.
-  Sums Joined(std::span<const std::int32_t> small, const Sums& before);
-
-  // The outline of the map that the last estimate, a Whole() one, stands for: the position where each half-edge of
-  // `outline` begins. `outline` is that of the disc. Edges keep their lengths, except for small corrections that close
-  // the polygon.
-  std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
+  // may have been cut since. O(n log n) in the faces of `small`. Not while other threads estimate.
+  Sums Joined(std::span<const std::int32_t> small, const Sums& before, Work* work);
 
   // Starts the next estimates of the same vertices from the u of the last one.
-  void Keep();
-  // Like Keep(), but returns the kept u that these vertices had before, for Restore().
+  void Keep(const Work& work);
+  // Like Keep(), but returns the kept u that these vertices had before, for Swap().
   struct Kept {
     std::vector<std::int32_t> vertices;
     std::vector<float> u;
   };
-  Kept Replace();
-  void Restore(const Kept& kept);
+  Kept Replace(const Work& work);
+  // Exchanges these u with the kept u of their vertices.
+  void Swap(Kept* kept);
+
+  // The outline of the map that the kept u of a disc stand for: the position where each half-edge of `outline` begins.
+  // `outline` is that of the disc. Edges keep their lengths, except for small corrections that close the polygon.
+  std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
+
   // The kept u of a vertex; meaningless for vertices on outlines.
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
   // The kept u of all vertices. Nothing may be estimated afterwards.
@@ -81,21 +101,17 @@ class StretchEstimate {
   std::span<const Neighbour> NeighboursOf(std::int32_t v) const {
     return {neighbours_.data() + vertices_[v].begin, neighbours_.data() + vertices_[v + 1].begin};
   }
-  void Take(Parts vertices);
-  Sums SolveFor(Sums sums, bool from_kept);
+  void Take(Parts vertices, Work* work);
+  Sums SolveFor(Sums sums, bool from_kept, Work* work);
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
   std::vector<double> weight_;    // per edge: minus the entry of L for its two vertices
   std::vector<Vertex> vertices_;  // and one more, for `begin`
   std::vector<Neighbour> neighbours_;
-  std::vector<std::int32_t> number_;  // per vertex: its index in free_, -1 for all others
+  std::vector<std::int32_t> number_;  // per vertex: its index in Work::free_ during a solve, otherwise -1
   std::vector<float> kept_;           // per vertex
-  std::vector<char> is_marked_;       // per face: whether it is in faces_; all 0 outside of Joined()
-  // Data of the last estimate.
-  std::vector<std::int32_t> faces_;  // the faces that Joined() looks at
-  std::vector<std::int32_t> free_;   // the vertices that are solved for
-  PoissonSolver solver_;
+  std::vector<char> is_marked_;       // per face: whether it is in Work::faces_; all 0 outside of Joined()
 };
 
 }  // namespace planish

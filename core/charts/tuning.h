@@ -35,7 +35,7 @@ struct AtlasTuning {
   // Factor for an edge that probably was the diagonal of a quad: it costs as much as the path along two sides.
   double diagonal_cost = std::numbers::sqrt2;
   double turn_cost = 0.5;  // of a right angle, in costs of the edges next to it
-  // The search (unwrap/seam_search.cc) begins with charts that are merged, as for kTexture, up to this stretch.
+  // The search (unwrap/seam_search.h) begins with charts that are merged, as for kTexture, up to this stretch.
   double seams_first_stretch = 1.05;
   int seam_rounds = 3;  // most rounds, each of gluing charts and moving seams
   // Work limits: the number of faces, per face of the surface, that may be estimated again to glue charts, and to move

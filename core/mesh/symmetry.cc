@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
+#include <optional>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "Eigen/Geometry"
+#include "core/base/radix_sort.h"
 
 namespace planish {
 namespace {
@@ -19,10 +23,15 @@ constexpr double kLeastFound = 0.6;  // least share of sampled vertices with an 
 // The vertices of a mesh in a grid of cells.
 class Cells {
  public:
-  Cells(const Mesh& mesh, double reach) : mesh_(mesh), reach_(reach), next_(mesh.positions.size(), -1) {
+  Cells(const Mesh& mesh, double reach)
+      : mesh_(mesh),
+        reach_(reach),
+        slots_(std::bit_ceil(mesh.positions.size() + mesh.positions.size() / 2 + 2)),
+        next_(mesh.positions.size(), -1) {
     for (std::int32_t v = 0; v < std::ssize(next_); ++v) {
-      const auto [it, is_new] = first_.try_emplace(KeyOf(CellOf(mesh.positions[v])), v);
-      if (!is_new) next_[v] = std::exchange(it->second, v);
+      Slot& slot = slots_[PlaceOf(KeyOf(CellOf(mesh.positions[v])))];
+      slot.key = KeyOf(CellOf(mesh.positions[v]));
+      next_[v] = std::exchange(slot.first, v);
     }
   }
 
@@ -35,8 +44,7 @@ class Cells {
     for (std::int64_t x = low[0]; x <= high[0]; ++x) {
       for (std::int64_t y = low[1]; y <= high[1]; ++y) {
         for (std::int64_t z = low[2]; z <= high[2]; ++z) {
-          const auto it = first_.find(KeyOf({x, y, z}));
-          for (std::int32_t v = it == first_.end() ? -1 : it->second; v >= 0; v = next_[v]) {
+          for (std::int32_t v = slots_[PlaceOf(KeyOf({x, y, z}))].first; v >= 0; v = next_[v]) {
             const double distance = (mesh_.positions[v] - p).squaredNorm();
             if (distance > least || (distance == least && nearest >= 0 && v > nearest)) continue;
             least = distance;
@@ -61,10 +69,60 @@ class Cells {
     return key;
   }
 
+  // The slot with this key, or the free one where it belongs: a hash table with linear probing.
+  std::size_t PlaceOf(std::uint64_t key) const {
+    const std::size_t mask = slots_.size() - 1;
+    std::size_t place = (key * 0x9E3779B97F4A7C15U) >> 32 & mask;
+    while (slots_[place].first >= 0 && slots_[place].key != key) place = (place + 1) & mask;
+    return place;
+  }
+
+  struct Slot {
+    std::uint64_t key = 0;
+    std::int32_t first = -1;  // the last vertex of the cell; free if there is none
+  };
+
   const Mesh& mesh_;
   double reach_;
-  std::unordered_map<std::uint64_t, std::int32_t> first_;
-  std::vector<std::int32_t> next_;
+  std::vector<Slot> slots_;
+  std::vector<std::int32_t> next_;  // per vertex: another one of its cell, or -1
+};
+
+// Which half-edges run between which places: vertices in the same place count as one.
+class Links {
+ public:
+  Links(const Mesh& mesh, const Cells& cells, const Execution& execution)
+      : mesh_(mesh), same_(mesh.positions.size()), opposite_(3 * mesh.faces.size()) {
+    execution.ForEach(std::ssize(same_), [&](std::int64_t v) { same_[v] = cells.Nearest(mesh.positions[v]); });
+    const auto corners = static_cast<std::int32_t>(opposite_.size());
+    const Groups by_end = GroupByKey(corners, std::ssize(same_), [&](std::int32_t c) { return same_[To(c)]; });
+    by_start_ = GroupByKey(corners, std::ssize(same_), [&](std::int32_t i) { return same_[From(by_end.item[i])]; });
+    for (std::int32_t& i : by_start_.item) i = by_end.item[i];
+    execution.ForEach(corners, [&](std::int64_t c) {
+      opposite_[c] = Facing(same_[To(static_cast<std::int32_t>(c))], same_[From(static_cast<std::int32_t>(c))]);
+    });
+  }
+
+  std::int32_t From(std::int32_t c) const { return mesh_.faces[c / 3][Next(c % 3)]; }
+  std::int32_t To(std::int32_t c) const { return mesh_.faces[c / 3][Prev(c % 3)]; }
+  // The lowest vertex in the place of this one.
+  std::int32_t same(std::int32_t v) const { return same_[v]; }
+  // The lowest corner that faces the half-edge from v to w; -1 if there is none, or v or w is -1.
+  std::int32_t Facing(std::int32_t v, std::int32_t w) const {
+    if (v < 0 || w < 0) return -1;
+    const std::span<const std::int32_t> from = by_start_[v];
+    const auto found = std::lower_bound(from.begin(), from.end(), w,
+                                        [&](std::int32_t c, std::int32_t to) { return same_[To(c)] < to; });
+    return found != from.end() && same_[To(*found)] == w ? *found : -1;
+  }
+  // The lowest corner that faces the same edge from the other side, or -1.
+  std::int32_t Opposite(std::int32_t c) const { return opposite_[c]; }
+
+ private:
+  const Mesh& mesh_;
+  std::vector<std::int32_t> same_;      // per vertex
+  std::vector<std::int32_t> opposite_;  // per corner
+  Groups by_start_;                     // corners by where their half-edges start, and then by where they end
 };
 
 // Finds the images of faces for one plane.
@@ -72,16 +130,18 @@ class Matching {
  public:
   template <class Image>
   Matching(const Mesh& mesh, const std::vector<std::int32_t>& polygon, const std::vector<double>& area,
-           const Cells& cells, const Image& image)
-      : mesh_(mesh), area_(area), num_faces_(static_cast<std::int32_t>(mesh.faces.size())) {
-    for (const Vec3& p : mesh.positions) {
-      same_.push_back(cells.Nearest(p));
-      image_.push_back(cells.Nearest(image(p)));
-      image_position_.push_back(image(p));
-    }
-    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
-      by_edge_.try_emplace(KeyOf(same_[From(c)], same_[To(c)]), c);
-    }
+           const Cells& cells, const Links& links, const Image& image, const Execution& execution)
+      : mesh_(mesh),
+        area_(area),
+        links_(links),
+        execution_(execution),
+        num_faces_(static_cast<std::int32_t>(mesh.faces.size())),
+        image_(mesh.positions.size()),
+        image_position_(mesh.positions.size()) {
+    execution.ForEach(std::ssize(image_), [&](std::int64_t v) {
+      image_position_[v] = image(mesh.positions[v]);
+      image_[v] = cells.Nearest(image_position_[v]);
+    });
     mirror_.polygon = polygon;
     for (std::int32_t f = 0; polygon.empty() && f < num_faces_; ++f) mirror_.polygon.push_back(f);
   }
@@ -107,18 +167,8 @@ class Matching {
   }
 
  private:
-  std::int32_t From(std::int32_t c) const { return mesh_.faces[c / 3][Next(c % 3)]; }
-  std::int32_t To(std::int32_t c) const { return mesh_.faces[c / 3][Prev(c % 3)]; }
   std::int32_t polygon(std::int32_t f) const { return mirror_.polygon[f]; }
-  static std::uint64_t KeyOf(std::int32_t v, std::int32_t w) {
-    return (static_cast<std::uint64_t>(v) << 32) | static_cast<std::uint32_t>(w);
-  }
-  // The corner that faces the half-edge from v to w, or -1.
-  std::int32_t Facing(std::int32_t v, std::int32_t w) const {
-    const auto it = v < 0 || w < 0 ? by_edge_.end() : by_edge_.find(KeyOf(v, w));
-    return it == by_edge_.end() ? -1 : it->second;
-  }
-  std::int32_t Opposite(std::int32_t c) const { return Facing(same_[To(c)], same_[From(c)]); }
+  std::int32_t Opposite(std::int32_t c) const { return links_.Opposite(c); }
   bool IsInner(std::int32_t c) const {
     const std::int32_t across = Opposite(c);
     return across >= 0 && polygon(across / 3) == polygon(c / 3);
@@ -126,7 +176,11 @@ class Matching {
 
   void MatchEdges() {
     std::vector<std::int32_t>& corner = mirror_.corner;
-    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) corner.push_back(Facing(image_[To(c)], image_[From(c)]));
+    corner.resize(3 * mesh_.faces.size());
+    execution_.ForEach(std::ssize(corner), [&](std::int64_t at) {
+      const auto c = static_cast<std::int32_t>(at);
+      corner[c] = links_.Facing(image_[links_.To(c)], image_[links_.From(c)]);
+    });
     const std::vector<std::int32_t> found = corner;
     for (std::int32_t c = 0; c < 3 * num_faces_; ++c) {
       if (found[c] >= 0 && found[found[c]] != c) corner[c] = -1;
@@ -233,9 +287,8 @@ class Matching {
       const std::int32_t q = image_of_[polygon(f)];
       mirror_.face.push_back(q < 0 ? -1 : first[q]);
     }
-    std::vector<std::pair<std::int32_t, std::int32_t>> corners;  // the corners at each vertex
-    for (std::int32_t c = 0; c < 3 * num_faces_; ++c) corners.emplace_back(same_[mesh_.faces[c / 3][c % 3]], c);
-    std::sort(corners.begin(), corners.end());
+    const Groups at = GroupByKey(3 * num_faces_, std::ssize(image_),
+                                 [&](std::int32_t c) { return links_.same(mesh_.faces[c / 3][c % 3]); });
     const auto is_lost = [&](std::int32_t f) { return mirror_.side[f] == Side::kSecond && mirror_.face[f] < 0; };
     std::vector<std::int32_t> queue;
     for (std::int32_t f = 0; f < num_faces_; ++f) {
@@ -244,9 +297,8 @@ class Matching {
       double least = std::numeric_limits<double>::infinity();
       for (const std::int32_t v : mesh_.faces[f]) {
         if (image_[v] < 0) continue;
-        auto it = std::lower_bound(corners.begin(), corners.end(), std::pair(image_[v], 0));
-        for (; it != corners.end() && it->first == image_[v]; ++it) {
-          const std::int32_t g = it->second / 3;
+        for (const std::int32_t c : at[image_[v]]) {
+          const std::int32_t g = c / 3;
           const double distance = (Centre(g, mesh_.positions) - centre).squaredNorm();
           if (mirror_.side[g] != Side::kFirst || !(distance < least)) continue;
           least = distance;
@@ -272,12 +324,12 @@ class Matching {
 
   const Mesh& mesh_;
   const std::vector<double>& area_;
+  const Links& links_;
+  const Execution& execution_;
   const std::int32_t num_faces_;
-  // Per vertex: the lowest vertex in the same place; the vertex where the mirror image is, or -1; the image's position.
-  std::vector<std::int32_t> same_, image_;
+  // Per vertex: the lowest vertex where its mirror image is, or -1; the image's position.
+  std::vector<std::int32_t> image_;
   std::vector<Vec3> image_position_;
-  // Per key of a half-edge: the corner that faces it.
-  std::unordered_map<std::uint64_t, std::int32_t> by_edge_;
   // Per polygon: its image or -1; its number of faces.
   std::vector<std::int32_t> image_of_, size_;
   Mirror mirror_;
@@ -315,17 +367,20 @@ class Finder {
     reach_ = kTolerance * diagonal;
     const Cells cells(mesh_, reach_);
     const Vec3 middle = (low + high) / 2;
+    std::optional<Links> links;
     std::optional<Mirror> best;
     for (int axis = 0; axis < 3; ++axis) {
       for (const double place : {middle[axis], centre[axis]}) {
         if (execution.IsCancelled()) return std::nullopt;
         if (place == centre[axis] && std::abs(middle[axis] - place) < reach_ / 4 && place != middle[axis]) continue;
         if (!IsLikely(cells, axis, place)) continue;
-        Mirror mirror = Across(cells, axis, place);
+        if (!links) links.emplace(mesh_, cells, execution);
+        Mirror mirror = Across(cells, *links, axis, place, execution);
         if (mirror.share < kLeastShare || (best && mirror.share <= best->share)) continue;
         best = std::move(mirror);
       }
     }
+    if (execution.IsCancelled()) return std::nullopt;
     return best;
   }
 
@@ -346,9 +401,9 @@ class Finder {
     return static_cast<double>(hits) >= kLeastFound * static_cast<double>(count);
   }
 
-  Mirror Across(const Cells& cells, int axis, double place) const {
-    return Matching(mesh_, polygon_, area_, cells, [&](const Vec3& p) { return Image(p, axis, place); })
-        .Run(axis, place);
+  Mirror Across(const Cells& cells, const Links& links, int axis, double place, const Execution& execution) const {
+    const auto image = [&](const Vec3& p) { return Image(p, axis, place); };
+    return Matching(mesh_, polygon_, area_, cells, links, image, execution).Run(axis, place);
   }
 
   const Mesh& mesh_;

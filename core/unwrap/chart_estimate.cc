@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/base/portable_math.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 
@@ -66,22 +67,69 @@ Vec2 ThirdCorner(const Vec2& from, const Vec2& to, double base, double from_thir
 
 }  // namespace
 
-ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning)
+ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning, const Execution& execution)
     : segmentation_(segmentation),
       tuning_(ForMaps(tuning)),
-      estimate_(segmentation.gluing(), tuning_, segmentation.kept()) {}
+      estimate_(segmentation.gluing(), tuning_, segmentation.kept(), execution) {}
 
-void ChartEstimates::Update(std::int32_t chart) {
-  Look(chart);
-  estimate_.Keep();
+// The memory that stays idle is at most that of one estimate of the whole surface.
+template <class Use>
+void ChartEstimates::WithWork(const Use& use) {
+  std::unique_ptr<StretchEstimate::Work> work;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      work = std::move(idle_.back());
+      idle_.pop_back();
+    }
+  }
+  if (work == nullptr) work = std::make_unique<StretchEstimate::Work>();
+  use(work.get());
+  const std::lock_guard lock(mutex_);
+  std::int64_t capacity = work->capacity();
+  for (const auto& idle : idle_) capacity += idle->capacity();
+  if (capacity <= static_cast<std::int64_t>(segmentation_.gluing().mesh().n_vertices())) {
+    idle_.push_back(std::move(work));
+  }
 }
 
-ChartEstimates::Before ChartEstimates::Replace(std::int32_t chart) {
-  charts_.resize(std::max(charts_.size(), segmentation_.charts().size()));
-  Before before = {std::move(charts_[chart]), {}};
-  Look(chart);
-  before.kept = estimate_.Replace();
+void ChartEstimates::Update(std::int32_t chart) {
+  Reserve();
+  charts_[chart] = {};
+  WithWork([&](StretchEstimate::Work* work) {
+    Solve(chart, work);
+    estimate_.Keep(*work);
+  });
+  Trace(chart);
+}
+
+// The largest first, so that no thread begins with one when the others have ended.
+void ChartEstimates::Update(std::span<const std::int32_t> charts, const Execution& execution) {
+  Reserve();
+  const auto size = [&](std::int32_t i) { return segmentation_.charts()[charts[i]].size(); };
+  const std::vector<std::int32_t> order =
+      SortedIndices(charts.size(), [&](std::int32_t i, std::int32_t j) { return size(i) > size(j); });
+  execution.For(
+      std::ssize(order),
+      [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) Update(charts[order[i]]);
+      },
+      1);
+}
+
+ChartEstimates::Other ChartEstimates::Replace(std::int32_t chart) {
+  Reserve();
+  Other before = {std::exchange(charts_[chart], {}), {}};
+  WithWork([&](StretchEstimate::Work* work) {
+    Solve(chart, work);
+    before.kept = estimate_.Replace(*work);
+  });
   return before;
+}
+
+void ChartEstimates::Swap(std::int32_t chart, Other* other) {
+  std::swap(charts_[chart], other->estimate);
+  estimate_.Swap(&other->kept);
 }
 
 void ChartEstimates::DropEmpty() {
@@ -94,22 +142,19 @@ void ChartEstimates::DropEmpty() {
   charts_.resize(end);
 }
 
-void ChartEstimates::Restore(std::int32_t chart, Before before) {
-  charts_[chart] = std::move(before.estimate);
-  estimate_.Restore(before.kept);
+void ChartEstimates::Solve(std::int32_t chart, StretchEstimate::Work* work) {
+  const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
+  double area = 0;
+  for (const std::int32_t f : faces) area += segmentation_.gluing().surface().area[f];
+  charts_[chart].stretch = estimate_.Whole({estimate_.InteriorOf(faces)}, area, work).Stretch();
 }
 
-// Estimates the chart in its present shape. Does not keep u (StretchEstimate::Keep()).
-void ChartEstimates::Look(std::int32_t chart) {
+void ChartEstimates::Trace(std::int32_t chart) {
   constexpr double kCoincide = 1e-6;  // of the outline
   const Gluing& gluing = segmentation_.gluing();
-  const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
-  charts_.resize(std::max(charts_.size(), segmentation_.charts().size()));
-  ChartEstimate& found = charts_[chart] = {};
-  double area = 0;
-  for (const std::int32_t f : faces) area += gluing.surface().area[f];
-  found.stretch = estimate_.Whole({estimate_.InteriorOf(faces)}, area).Stretch();
-  found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, faces));
+  ChartEstimate& found = charts_[chart];
+  if (!found.outline.empty()) return;
+  found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, segmentation_.charts()[chart]));
   found.points = estimate_.Outline(found.outline);
   double length = 0;
   for (const HalfedgeHandle h : found.outline) length += gluing.surface().length(h);

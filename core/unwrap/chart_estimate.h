@@ -2,10 +2,15 @@
 // decide which charts to cut or to join, so that most charts are solved only once.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "core/base/execution.h"
 #include "core/charts/segmentation.h"
 #include "core/charts/stretch_estimate.h"
 
@@ -19,22 +24,32 @@ struct ChartEstimate {
   std::int32_t face = -1, other_face = -1;
 };
 
-// Estimates of all charts of a segmentation. Not thread-safe.
+// Estimates of all charts of a segmentation. Several threads may Replace() and Trace() different charts at the same
+// time, after Reserve(). Otherwise not thread-safe.
 class ChartEstimates {
  public:
   // `segmentation` must outlive this.
-  ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning);
+  ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning, const Execution& execution = {});
 
   const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
   // Estimates the chart in its present shape. Takes about a twentieth of the work of a solve.
   void Update(std::int32_t chart);
-  // Like Update(), but returns the previous estimate, for Restore() if the change of the chart is undone.
-  struct Before {
+  // Update() of different charts, with the whole team. Ends early after a cancellation.
+  void Update(std::span<const std::int32_t> charts, const Execution& execution);
+  // Makes room for all charts of the segmentation.
+  void Reserve() { charts_.resize(std::max(charts_.size(), segmentation_.charts().size())); }
+  // An earlier or later estimate of a chart, and its u.
+  struct Other {
     ChartEstimate estimate;
     StretchEstimate::Kept kept;
   };
-  Before Replace(std::int32_t chart);
-  void Restore(std::int32_t chart, Before before);  // the latest Replace() first
+  // Like Update() without Trace(), so that only the stretch is known. Returns the previous estimate, for Swap() if the
+  // change of the chart is undone.
+  Other Replace(std::int32_t chart);
+  // Completes the estimate by the outline, its points, and where it crosses itself, unless it is complete.
+  void Trace(std::int32_t chart);
+  // Exchanges the estimate of the chart and its u with these; the latest Replace() first.
+  void Swap(std::int32_t chart, Other* other);
   void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
   // Whether there is an estimate of the chart, maybe an old one.
   bool has(std::int32_t chart) const { return chart < std::ssize(charts_) && !charts_[chart].outline.empty(); }
@@ -47,12 +62,17 @@ class ChartEstimates {
   std::vector<Vec2> Positions(std::int32_t chart, const FlatMesh& disc) const;
 
  private:
-  void Look(std::int32_t chart);
+  // Calls use(work) with memory that no other thread uses.
+  template <class Use>
+  void WithWork(const Use& use);
+  void Solve(std::int32_t chart, StretchEstimate::Work* work);
 
   const Segmentation& segmentation_;
   const AtlasTuning tuning_;
   StretchEstimate estimate_;
   std::vector<ChartEstimate> charts_;
+  std::mutex mutex_;  // of idle_
+  std::vector<std::unique_ptr<StretchEstimate::Work>> idle_;
 };
 
 }  // namespace planish

@@ -141,11 +141,8 @@ class EstimatedMaps {
   void PutBack(std::int32_t i, Kept kept) { estimates_.Restore(i, std::move(kept)); }
 
   absl::Status Map(const std::vector<std::int32_t>& todo) {
-    for (const std::int32_t i : todo) {
-      if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
-      estimates_.Update(i);
-    }
-    return absl::OkStatus();
+    estimates_.Update(todo, job_.execution);
+    return job_.execution.IsCancelled() ? absl::CancelledError("cancelled") : absl::OkStatus();
   }
 
   // The estimates are not used any more.

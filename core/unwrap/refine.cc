@@ -3,6 +3,7 @@
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "core/base/radix_sort.h"
@@ -254,6 +255,7 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
                              bool are_known) {
   // Parts of the time: the first pass looks at all charts, later ones at the charts that were cut.
   constexpr double kFirstPass = 0.6, kLaterPass = 0.5;
+  constexpr std::size_t kBatchFaces = 50'000;  // estimated side by side, before progress is reported
   double begin = 0, share = kFirstPass;
   Segmentation& segmentation = *charts->segmentation;
   std::vector<std::int32_t> todo(segmentation.charts().size());
@@ -263,13 +265,21 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
     std::vector<Segmentation::Cut> cuts;
     std::size_t faces = 0, done = 0;
     for (const std::int32_t i : todo) faces += segmentation.charts()[i].size();
-    for (const std::int32_t i : todo) {
+    for (std::size_t next = 0; next < todo.size();) {
       if (job.execution.IsCancelled()) return absl::CancelledError("cancelled");
       execution.Report(begin + share * static_cast<double>(done) / static_cast<double>(faces));
-      done += segmentation.charts()[i].size();
-      if (!are_known) estimates->Update(i);
-      const ChartEstimate& estimate = estimates->of(i);
-      if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
+      const std::size_t first = next;
+      for (std::size_t batch = 0; next < todo.size() && batch < kBatchFaces; ++next) {
+        batch += segmentation.charts()[todo[next]].size();
+        done += segmentation.charts()[todo[next]].size();
+      }
+      const std::span<const std::int32_t> of_batch(todo.data() + first, next - first);
+      if (!are_known) estimates->Update(of_batch, execution);
+      if (job.execution.IsCancelled()) return absl::CancelledError("cancelled");
+      for (const std::int32_t i : of_batch) {
+        const ChartEstimate& estimate = estimates->of(i);
+        if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
+      }
     }
     if (cuts.empty() && !std::exchange(are_parted, true)) {
       cuts = ChartsToPart(job, NecksOf(*charts, job.options), *estimates, charts);

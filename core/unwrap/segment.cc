@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -12,11 +13,13 @@
 #include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
+#include "core/charts/seam_cost.h"
 #include "core/charts/steps.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
+#include "core/mesh/visibility.h"
 #include "core/unwrap/holes.h"
 #include "core/unwrap/long_needles.h"
 #include "core/unwrap/steps.h"
@@ -285,13 +288,20 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
-    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning);
+    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning, job->execution);
     if (by_seams) {
       const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
+      std::optional<SeamCost> seam_cost;
       const auto improve = [&](const Execution& execution, ChartEstimates* of) -> absl::StatusOr<double> {
         PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, silent, of, &charts));
         if (!charts.image.empty()) charts.image.resize(charts.segmentation->charts().size(), -1);
-        return ImproveSeams(job, execution, of, &charts);
+        if (job->execution.IsStopRequested() || charts.segmentation->charts().empty()) return 0.0;
+        if (!seam_cost) {
+          const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
+          seam_cost.emplace(*charts.surface, visibility, job->options.tuning, job->execution);
+          if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+        }
+        return ImproveSeams(job, *seam_cost, execution, of, &charts);
       };
       PLANISH_ASSIGN_OR_RETURN(const double cost,
                                improve(job->execution.Part(kSegmentShare, kImproveShare), estimates.get()));
@@ -299,7 +309,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
         Segmentation alike = *std::move(charts.segmentation);
         segment(silent);
         if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-        auto other_estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning);
+        auto other_estimates =
+            std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning, job->execution);
         PLANISH_ASSIGN_OR_RETURN(const double other_cost, improve(silent, other_estimates.get()));
         if (cost <= kMirrorWorth * other_cost) {
           charts.segmentation.emplace(std::move(alike));

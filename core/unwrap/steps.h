@@ -28,6 +28,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/base/execution.h"
+#include "core/charts/seam_cost.h"
 #include "core/charts/segmentation.h"
 #include "core/charts/surface.h"
 #include "core/pack/necks.h"
@@ -178,9 +179,10 @@ absl::Status RefineEstimated(const Job& job, const Execution& execution, ChartEs
                              bool are_known = false);
 
 // With SeamPreference::kSeams, before charts are solved for: glues charts and moves seams as long as that lowers the
-// cost of seams (core/charts/seam_cost.h). After a stop request nothing changes. CANCELLED after a cancellation.
-// Returns the cost of all seams and charts at the end.
-absl::StatusOr<double> ImproveSeams(Job* job, const Execution& execution, ChartEstimates* estimates, Charts* charts);
+// cost of seams. After a stop request nothing changes. CANCELLED after a cancellation. Returns the cost of all seams
+// and charts at the end.
+absl::StatusOr<double> ImproveSeams(Job* job, const SeamCost& cost, const Execution& execution,
+                                    ChartEstimates* estimates, Charts* charts);
 
 // Makes charts of one side of a symmetric surface, and their mirror images on the other side. Sets `segmentation`,
 // `image` and `mirror`, with which ImproveSeams() keeps both sides alike. Returns the share of the area that has a

@@ -168,7 +168,10 @@ StretchEstimate::Sums EstimateOf(const Surface& surface, const std::vector<std::
                                  StretchEstimate* estimate) {
   double area = 0;
   for (const std::int32_t f : faces) area += surface.area[f];
-  return estimate->Whole({estimate->InteriorOf(faces)}, area);
+  StretchEstimate::Work work;
+  const StretchEstimate::Sums sums = estimate->Whole({estimate->InteriorOf(faces)}, area, &work);
+  estimate->Keep(work);
+  return sums;
 }
 
 TEST(Segmentation, LowerLimitsTakeMoreCharts) {
@@ -231,21 +234,20 @@ TEST(StretchEstimate, OfASmallDiscJoinedToALargeOne) {
   const AtlasTuning tuning;
   StretchEstimate estimate(gluing, tuning);
   const StretchEstimate::Sums of_rest = EstimateOf(surface, rest, &estimate);
-  estimate.Keep();
   const StretchEstimate::Sums of_cap = EstimateOf(surface, cap, &estimate);
-  estimate.Keep();
   const StretchEstimate::Sums before = {of_rest.area + of_cap.area, of_rest.larger + of_cap.larger,
                                         of_rest.smaller + of_cap.smaller};
   for (const EdgeHandle e : surface.mesh->edges()) {
     if (!surface.mesh->is_boundary(e)) gluing.Glue(surface.mesh->halfedge_handle(e, 0));
   }
-  const StretchEstimate::Sums joined = estimate.Joined(cap, before);
-  estimate.Keep();
+  StretchEstimate::Work work;
+  const StretchEstimate::Sums joined = estimate.Joined(cap, before, &work);
+  estimate.Keep(work);
   StretchEstimate anew(gluing, tuning);
   std::vector<std::int32_t> all = rest;
   all.insert(all.end(), cap.begin(), cap.end());
   EXPECT_NEAR(joined.Stretch(), EstimateOf(surface, all, &anew).Stretch(), 0.03);
-  EXPECT_NEAR(estimate.Joined(cap, joined).Stretch(), joined.Stretch(), 1e-3);
+  EXPECT_NEAR(estimate.Joined(cap, joined, &work).Stretch(), joined.Stretch(), 1e-3);
   EXPECT_NEAR(joined.area, before.area, 1e-12);
 }
 

@@ -18,6 +18,7 @@
 #include "core/unwrap/verify.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/families.h"
 
 namespace planish {
 namespace {
@@ -248,10 +249,25 @@ TEST(PreferSeams, AddsNothingToItsOwnSeams) {
   }
 }
 
+// Meshes with many charts, with and without symmetry.
+TEST(PreferSeams, GivesTheSameWithAnyNumberOfThreads) {
+  for (const Mesh& mesh : {testing::Torus(40, 20), testing::MakeFamily("dual_contouring", 6, 4000),
+                           testing::MakeFamily("cut_up", 6, 4000)}) {
+    UnwrapOptions options;
+    const UnwrapResult alone = Unwrap(mesh, options, {}).value();
+    for (options.threads = 2; options.threads <= 3; ++options.threads) {
+      const UnwrapResult together = Unwrap(mesh, options, {}).value();
+      EXPECT_TRUE(together.uv == alone.uv) << options.threads << " threads, " << alone.charts.size() << " charts";
+    }
+  }
+}
+
 TEST(PreferSeams, EndsTheSearchWhenStoppedAndAllWhenCancelled) {
   const Mesh mesh = testing::Torus(40, 20);
   for (const bool cancels : {false, true}) {
     for (const double at : {0.3, 0.55, 0.7}) {
+      UnwrapOptions options;
+      options.threads = at > 0.5 ? 3 : 1;
       Interrupter interrupter;
       UnwrapControl control;
       (cancels ? control.cancel : control.stop) = &interrupter;
@@ -261,7 +277,7 @@ TEST(PreferSeams, EndsTheSearchWhenStoppedAndAllWhenCancelled) {
         was_reached = true;
         interrupter.Interrupt();
       };
-      const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, {}, control);
+      const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, options, control);
       EXPECT_TRUE(was_reached);
       if (cancels) {
         EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled);
