@@ -22,4 +22,4 @@ case ${1:-} in
 esac
 shift
 export PLANISH_PRESET=$preset
-exec deploy/test.sh -E '^quick_house$|^(blender|deploy|farm|interop|javascript|proto|python|report)_|^blobs_S3|SharedMeshes|TenantFlood|Ratchet|IsTheSameForASeed|Postgres/JobQueueStoreTest|Postgres/SharedUploads' "$@"
+exec deploy/test.sh -E '^quick_house$|^(blender|deploy|farm|house|interop|javascript|proto|python|report)_|^blobs_S3|SharedMeshes|TenantFlood|Ratchet|IsTheSameForASeed|Postgres/JobQueueStoreTest|Postgres/SharedUploads' "$@"
