@@ -7,7 +7,7 @@
 #   deploy/relocatable.sh BUILD PREFIX DIRECTORY [PROGRAM...]
 #
 # BUILD: a build folder; PREFIX: where cmake --install installed it; DIRECTORY: the directory to make. With PROGRAM, the
-# directory has only these programs and what they need: no man pages, no completion, no Python package.
+# directory has only these programs and their libraries: no man pages, no completion, no Python package.
 set -eu
 build=$1
 prefix=$2

@@ -223,7 +223,7 @@ absl::Status ObjTextures::FillTriangles(const WrittenPolygons& polygons,
   const Triangulation triangles = Triangulate(mesh);
   std::set<std::size_t> groups(reading->groups.begin(), reading->groups.end());
   TangentCorners before, after;
-  // By atlas: the tile of its charts. All of them must lie in the same tile.
+  // By atlas: the tile of its charts, which must all lie in one tile.
   std::map<std::int32_t, Vec2> tile;
   for (std::size_t f = 0; f < triangles.source_polygon.size(); ++f) {
     const auto p = static_cast<std::size_t>(triangles.source_polygon[f]);

@@ -19,7 +19,7 @@ namespace {
 constexpr int kStepSeconds = 2;
 constexpr int kNapMilliseconds = 5;
 
-// Gives the client certificate and its key to `context`. Returns what is wrong with them; empty if nothing is.
+// Gives the client certificate and its key to `context`. Returns the error; empty if both are accepted.
 std::string Present(SSL_CTX* context, const TlsProbe& probe) {
   if (probe.certificate.empty()) return "";
   const std::vector<CertificatePtr> chain = CertificatesIn(probe.certificate);

@@ -144,7 +144,7 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
   *slope = derivative.slope;
   if (derivative.slope <= derivative.noise) return true;
-  // This slope is that of a step that meets the linearized constraints. Near the constraints, the violations that the
+  // This slope holds for a step that meets the linearized constraints. Near the constraints, the violations that the
   // linear solver has left matter more. So the slope may be positive by the penalty of these violations.
   Eigen::VectorXd left;
   ApplyPairRows(topology_, at_.cot, step->x, &left, team());

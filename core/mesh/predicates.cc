@@ -94,7 +94,7 @@ bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {
 }
 
 int VerticalOrder(const Vec2 s[3], const Vec2 t[3]) {
-  // A counter-clockwise triangle lies above those of its edges that run to the right.
+  // A counter-clockwise triangle lies above its edges that run to the right.
   if (const int k = SeparatingEdge(s, t); k >= 0) return SweepsFirst(s[k], s[Next(k)]) ? 1 : -1;
   if (const int k = SeparatingEdge(t, s); k >= 0) return SweepsFirst(t[k], t[Next(k)]) ? -1 : 1;
   return 0;

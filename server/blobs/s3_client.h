@@ -73,7 +73,7 @@ class S3Client {
   absl::Status Get(const std::string& key, std::int64_t offset, std::int64_t length, std::string* bytes);
   // Copies an object within the server.
   absl::Status Copy(const std::string& from, const std::string& to);
-  // Deletes an object. Also OK if there is none.
+  // Deletes an object. OK if the object does not exist.
   absl::Status Delete(const std::string& key);
   // Calls `visit` with each object whose key begins with `prefix`, in the order of keys.
   absl::Status List(const std::string& prefix, const std::function<void(const S3Object&)>& visit);

@@ -59,7 +59,7 @@ class LocalUploads : public UploadPlace {
 
   const LocalUploadsOptions options_;
   std::mutex mutex_;
-  // By id. Guarded by mutex_.
+  // Uploads by id. Guarded by mutex_.
   std::unordered_map<std::string, Entry> entries_;
 };
 

@@ -329,8 +329,8 @@ struct Warning {
 
 struct Report {
   std::int64_t triangles = 0, vertices = 0;
-  // One per chart, by ascending number. If there are more than 1024 charts, only those that did not converge, and then
-  // those with the largest stretch, up to 1024.
+  // One per chart, by ascending number. If there are more than 1024 charts, 1024 of them: charts that did not
+  // converge are taken first, then charts with the largest stretch.
   std::vector<ChartReport> charts;
   ChartTotals chart_totals;
   Atlas atlas;
