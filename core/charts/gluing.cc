@@ -125,7 +125,8 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
   return border;
 }
 
-std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
+std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, const WidestAngles& widest, bool zips,
+                                      Gluing* gluing) {
   GluedBorder border;
   // Lists the half-edges of the border before they are glued, since After() does not find them afterwards.
   HalfedgeHandle h = first;
@@ -134,10 +135,10 @@ std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, 
   border.ends = {before, gluing->Before(gluing->mesh().opposite_halfedge_handle(border.glued.back()))};
   for (const HalfedgeHandle g : border.glued) gluing->Glue(g);
   for (const HalfedgeHandle e : border.ends) {
-    if (gluing->IsOutline(e)) gluing->Zip(e, &border.glued);
+    if (zips && gluing->IsOutline(e)) gluing->Zip(e, &border.glued);
   }
   for (const HalfedgeHandle e : border.ends) {
-    if (!gluing->IsOutline(e) || gluing->OutlineAngle(e) <= widest) continue;
+    if (!gluing->IsOutline(e) || !gluing->IsTooWide(e, widest)) continue;
     border.Undo(gluing);
     return std::nullopt;
   }

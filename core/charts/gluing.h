@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/charts/surface.h"
+#include "core/charts/tuning.h"
 #include "core/mesh/half_edges.h"
 
 namespace planish {
@@ -46,6 +47,12 @@ class Gluing {
 
   // Sum of the angles of the faces round the vertex where outline half-edge h ends, radians.
   double OutlineAngle(HalfedgeHandle h) const;
+  // Whether a slit ends where outline half-edge h ends.
+  bool IsTip(HalfedgeHandle h) const { return After(h) == mesh().opposite_halfedge_handle(h); }
+  // Whether OutlineAngle(h) is above the limit for its vertex.
+  bool IsTooWide(HalfedgeHandle h, const WidestAngles& widest) const {
+    return OutlineAngle(h) > (IsTip(h) ? widest.tip : widest.vertex);
+  }
 
   // Glues h to its opposite, which must have a face.
   void Glue(HalfedgeHandle h) { SetGlued(h, 1); }
@@ -109,9 +116,11 @@ struct GluedBorder {
   }
 };
 
-// Glues `edges` half-edges of an outline, from `first` on, to their opposites, and zips up the half-edges that are then
-// adjacent. Returns nullopt, and changes nothing, if the angle at an end of the border would exceed `widest`, radians.
-// The two outlines must have three or more edges in all beside the border.
-std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing);
+// Glues `edges` half-edges of an outline, from `first` on, to their opposites. If it `zips`, half-edges that are then
+// adjacent are zipped up; otherwise the rest of the border becomes a slit. Returns nullopt, and changes nothing, if the
+// angle at an end of the border would be too wide. The two outlines must have three or more edges in all beside the
+// border.
+std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, const WidestAngles& widest, bool zips,
+                                      Gluing* gluing);
 
 }  // namespace planish

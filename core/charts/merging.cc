@@ -260,7 +260,7 @@ class Merging {
 
   void TryJoint(const Joint& joint) {
     if (HasFailed(joint)) return;
-    const std::optional<GluedBorder> border = GlueBorder(joint.first, joint.edges, tuning_.widest, &gluing_);
+    const std::optional<GluedBorder> border = GlueBorder(joint.first, joint.edges, tuning_.Widest(), /*zips=*/true, &gluing_);
     if (!border) return;
     std::int32_t to = joint.disc, from = joint.other;
     if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);

@@ -1,11 +1,12 @@
 // The cost of seams: the objective of gluing and of moving seams with SeamPreference::kSeams.
 //
 //   E = (sum over seams of length * visibility * crease + turning) / root of the area
-//       + stretch_price * (L2^2 - 1) + chart_price * charts
+//       + stretch_price * (L2^2 - 1) + chart_price * charts + waste_price * waste
 //
 // L2 is the root mean square stretch over all charts, each at its own scale; no chart may exceed the caller's limit.
-// `visibility` grows with the visible share of the hemisphere (core/mesh/visibility.h). `crease` is smaller where the
-// surface bends, smallest in valleys. `turning` counts where a seam changes its direction.
+// `waste`, over the area of the surface: the area between the maps of charts and their convex hulls, which is hard to
+// fill. `visibility` grows with the visible share of the hemisphere (core/mesh/visibility.h). `crease` is smaller where
+// the surface bends, smallest in valleys. `turning` counts where a seam changes its direction.
 #pragma once
 
 #include <span>
@@ -30,9 +31,10 @@ class SeamCost {
   double OfTurn(HalfedgeHandle h, HalfedgeHandle next) const;
   // The cost of consecutive half-edges, including turns.
   double OfPath(std::span<const HalfedgeHandle> path) const;
-  // The cost of a chart without the cost of its outline.
-  double OfChart(double stretch, double area) const {
-    return tuning_.stretch_price * (stretch * stretch - 1) * area / area_ + tuning_.chart_price;
+  // The cost of a chart without the cost of its outline. `waste`: the area between its map and the convex hull.
+  double OfChart(double stretch, double area, double waste) const {
+    return (tuning_.stretch_price * (stretch * stretch - 1) * area + tuning_.waste_price * waste) / area_ +
+           tuning_.chart_price;
   }
 
  private:

@@ -339,7 +339,8 @@ std::vector<Segmentation::Joint> Segmentation::Joints(std::vector<std::vector<Ha
 
 std::optional<Segmentation::Joined> Segmentation::Join(const Joint& joint) {
   std::optional<GluedBorder> border =
-      GlueBorder(joint.border.front(), static_cast<std::int32_t>(joint.border.size()), tuning_.widest, &gluing_);
+      GlueBorder(joint.border.front(), static_cast<std::int32_t>(joint.border.size()), tuning_.Widest(),
+                 /*zips=*/!joint.is_part, &gluing_);
   if (!border) return std::nullopt;
   Joined joined = {joint.chart, joint.other, *std::move(border), {}, {}};
   joined.faces = std::move(faces_[joint.chart]);
@@ -468,7 +469,7 @@ bool Segmentation::MoveSeam(std::int32_t chart, std::int32_t other, std::span<co
     for (const HalfedgeHandle h : mesh.vih_range(v)) {
       if (mesh.is_boundary(h) || !gluing_.IsOutline(h)) continue;
       const std::int32_t of = chart_[mesh.face_handle(h).idx()];
-      if ((of == chart || of == other) && gluing_.OutlineAngle(h) > tuning_.widest) return true;
+      if ((of == chart || of == other) && gluing_.IsTooWide(h, tuning_.Widest())) return true;
     }
     return false;
   };
@@ -481,6 +482,12 @@ bool Segmentation::MoveSeam(std::int32_t chart, std::int32_t other, std::span<co
   }
   if (!is_good) Recut(chart, other, to, from);
   return is_good;
+}
+
+void Segmentation::UndoMoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                                std::span<const HalfedgeHandle> to) {
+  PrepareScratch();
+  Recut(chart, other, to, from);
 }
 
 void Segmentation::DropEmpty() {

@@ -65,6 +65,7 @@ class Segmentation {
   struct Joint {
     std::int32_t chart, other;
     std::vector<HalfedgeHandle> border;
+    bool is_part = false;  // `border` is a part of the border; the rest becomes a slit
   };
   // The outline of a chart, from FirstOnOutline() (gluing.h) on; empty if it has no faces.
   std::vector<HalfedgeHandle> Outline(std::int32_t chart) const;
@@ -79,16 +80,19 @@ class Segmentation {
     std::vector<std::int32_t> faces, other_faces;  // of the two charts before
   };
   // Joins two charts into one with the number `chart`; `other` is then empty. Returns nullopt, and changes nothing, if
-  // a vertex of the outline would open wider than AtlasTuning::widest. The joint must come from Joints(), and the two
-  // charts must not have changed since.
+  // a vertex of the outline would open wider than AtlasTuning::Widest(). The joint must come from Joints(), or be a
+  // part of one that does, and the two charts must not have changed since.
   std::optional<Joined> Join(const Joint& joint);
   // Undoes the last Join() of these two charts.
   void UndoJoin(const Joined& joined);
   // Moves the border of two charts, or a slit of one (`chart` twice): half-edges `from` are glued, `to` become seams.
   // Returns false, and changes nothing, if that would not leave as many discs, or if an outline would open wider than
-  // AtlasTuning::widest where it changes. A second call with `from` and `to` exchanged undoes the move.
+  // AtlasTuning::Widest() where it changes.
   bool MoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
                 std::span<const HalfedgeHandle> to);
+  // Undoes the last MoveSeam(), with the same arguments, of these two charts.
+  void UndoMoveSeam(std::int32_t chart, std::int32_t other, std::span<const HalfedgeHandle> from,
+                    std::span<const HalfedgeHandle> to);
   // Removes empty charts and renumbers the others in the same order.
   void DropEmpty();
 

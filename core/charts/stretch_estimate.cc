@@ -19,6 +19,15 @@ double ScaleOf(double u) {
   return u == 0 ? 1.0 : portable::Exp(2 * u);
 }
 
+// The angle that faces half-edge h, where the two smaller angles of its face count as at least `least`, and the largest
+// as the rest. With the cotangents of a triangle, L is positive semidefinite; limited one by one, they would be none.
+double AngleFacing(const TriMesh& mesh, const std::vector<double>& angles, HalfedgeHandle h, double least) {
+  const double angle = angles[h.idx()];
+  const double next = angles[mesh.next_halfedge_handle(h).idx()], previous = angles[mesh.prev_halfedge_handle(h).idx()];
+  if (angle < next || angle < previous) return std::max(angle, least);
+  return std::numbers::pi - std::max(next, least) - std::max(previous, least);
+}
+
 }  // namespace
 
 StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept,
@@ -47,8 +56,8 @@ StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning
     for (const unsigned side : {0U, 1U}) {
       const HalfedgeHandle h = mesh.halfedge_handle(EdgeHandle(static_cast<int>(e)), side);
       if (mesh.is_boundary(h)) continue;
-      const auto [sine, cosine] = portable::SinCosInTriangle(surface.angle[h.idx()]);
-      weight_[e] += std::clamp(sine > 0 ? cosine / sine : most, -most, most) / 2;
+      const auto [sine, cosine] = portable::SinCosInTriangle(AngleFacing(mesh, surface.angle, h, 1 / most));
+      weight_[e] += cosine / sine / 2;
     }
   });
   const auto ends = [&](EdgeHandle e) {

@@ -20,6 +20,7 @@ struct ChartEstimate {
   std::vector<HalfedgeHandle> outline;  // from FirstOnOutline() on
   std::vector<Vec2> points;             // where each of these half-edges begins in the map
   double stretch = 1;                   // root mean square
+  double waste = 0;                     // area between the outline in the map and its convex hull
   // Faces of the mesh at two places where the outline crosses itself, the farthest apart along it; -1: nowhere.
   std::int32_t face = -1, other_face = -1;
 };

@@ -49,7 +49,7 @@ std::optional<double> SeamSearch::Estimate(std::int32_t i, const IsOfUse& is_of_
   const double cost = CostOf(i);
   if (!is_of_use(cost)) return cost;
   estimates_.Trace(i);
-  return IsSound(i) ? std::optional(cost) : std::nullopt;
+  return IsSound(i) ? std::optional(CostOf(i)) : std::nullopt;
 }
 
 void SeamSearch::Undo(Glued* glued) {
@@ -80,8 +80,7 @@ std::optional<Segmentation::Joint> SeamSearch::BorderOf(std::int32_t i, std::int
   return Segmentation::Joint{i, j, std::move(border)};
 }
 
-std::optional<double> SeamSearch::Try(const Candidate& candidate, double least) {
-  const Segmentation::Joint& joint = candidate.joint;
+std::optional<double> SeamSearch::Try(const Segmentation::Joint& joint, double least, std::optional<Draft> draft) {
   const std::int32_t i = joint.chart, j = joint.other, i_image = ImageOf(i), j_image = ImageOf(j);
   const bool is_own = i_image == j || (i_image == i && j_image == j);
   std::vector<HalfedgeHandle> border;
@@ -97,7 +96,8 @@ std::optional<double> SeamSearch::Try(const Candidate& candidate, double least) 
   Glued glued;
   bool is_sound = Join(joint, &glued);
   if (is_sound && has_image) {
-    const std::optional<Segmentation::Joint> other = BorderOf(to, from, std::move(border));
+    std::optional<Segmentation::Joint> other = BorderOf(to, from, std::move(border));
+    if (other) other->is_part = joint.is_part;
     is_sound = other && Join(*other, &glued);
     if (is_sound) {
       double& its_gain = to == i ? gain : other_gain;
@@ -105,14 +105,14 @@ std::optional<double> SeamSearch::Try(const Candidate& candidate, double least) 
     }
   }
   const bool is_pair = has_image && to != i;
-  const auto estimate = [&](std::int32_t chart, const auto& is_of_use, std::optional<Draft> draft, double* its_gain) {
-    const std::optional<double> cost = Estimate(chart, is_of_use, std::move(draft), &glued);
+  const auto estimate = [&](std::int32_t chart, const auto& is_of_use, std::optional<Draft> made, double* its_gain) {
+    const std::optional<double> cost = Estimate(chart, is_of_use, std::move(made), &glued);
     *its_gain -= cost.value_or(0);
     is_sound = is_sound && cost.has_value();
   };
   if (is_sound) {
     estimate(
-        i, [&](double cost) { return (is_pair ? 2 : 1) * (gain - cost) >= kWorthIt; }, TakeDraft(candidate), &gain);
+        i, [&](double cost) { return (is_pair ? 2 : 1) * (gain - cost) >= kWorthIt; }, std::move(draft), &gain);
   }
   if (is_sound && is_pair && 2 * gain >= least) {
     estimate(
@@ -223,7 +223,7 @@ double SeamSearch::Glue() {
     constexpr double kNearly = 0.9;
     const double least = best.is_known || queue_.empty() ? kWorthIt : std::max(kWorthIt, kNearly * queue_.top().gain);
     MakeDrafts(best);
-    const std::optional<double> gain = Try(best, least);
+    const std::optional<double> gain = Try(best.joint, least, TakeDraft(best));
     if (!gain || !(*gain >= kWorthIt)) {
       const TriMesh& mesh = segmentation_.gluing().mesh();
       const std::size_t edges = best.joint.border.size();

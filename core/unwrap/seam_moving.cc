@@ -63,7 +63,9 @@ double SeamSearch::Keep(Moved* moved) {
     is_sound = MayBeSound(chart);
     const bool is_last = k + 1 == moved->charts.size();
     if (!is_sound || (is_last && !(gain > kWorthIt))) break;
+    gain += CostOf(chart);
     estimates_.Trace(chart);
+    gain -= CostOf(chart);
     is_sound = IsSound(chart);
   }
   if (is_sound && gain > kWorthIt) {
@@ -109,7 +111,7 @@ bool SeamSearch::MoveTo(std::span<const HalfedgeHandle> path, const std::vector<
 void SeamSearch::UndoMove(Moved* moved) {
   for (std::size_t k = moved->parts.size(); k-- > 0;) {
     const typename Moved::Part& part = moved->parts[k];
-    segmentation_.MoveSeam(part.chart, part.other, part.to, part.from);
+    segmentation_.UndoMoveSeam(part.chart, part.other, part.from, part.to);
   }
   for (std::size_t k = moved->before.size(); k-- > 0;) estimates_.Swap(moved->charts[k], &moved->before[k]);
   for (std::size_t k = 0; k < moved->before.size(); ++k) Measure(moved->charts[k]);

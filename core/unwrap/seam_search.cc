@@ -37,10 +37,16 @@ absl::StatusOr<double> SeamSearch::Run() {
   if (GoesOn()) estimates_.Update(unknown, job_.execution);
   const double faces = surface_.num_faces() + std::min<double>(surface_.num_faces(), tuning_.thorough_faces);
   glue_left_ = tuning_.glue_estimates * faces;
+  dart_left_ = tuning_.dart_estimates * faces;
   move_left_ = tuning_.move_estimates * faces;
-  all_left_ = glue_left_ + move_left_;
+  all_left_ = glue_left_ + dart_left_ + move_left_;
   for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
-    const double gain = Glue() + Move();
+    double gain = Glue();
+    if (round_ == 0) {
+      const double of_darts = SewDarts();
+      if (of_darts > 0) gain += of_darts + Glue();
+    }
+    gain += Move();
     if (!(gain > kGoesOn)) break;
   }
   if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");

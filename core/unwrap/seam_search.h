@@ -17,9 +17,9 @@
 
 namespace planish {
 
-// Charts are glued (seam_gluing.cc) and seams are moved (seam_moving.cc) as long as that lowers the cost of all seams
-// (core/charts/seam_cost.h), by estimates of maps. Joints and seams are decided in the order of one thread. Several
-// threads estimate ahead the charts that no undecided joint or seam before can change.
+// Charts are glued (seam_gluing.cc, seam_darts.cc) and seams are moved (seam_moving.cc) as long as that lowers the cost
+// of all seams (core/charts/seam_cost.h), by estimates of maps. Joints and seams are decided in the order of one
+// thread. Several threads estimate ahead the charts that no undecided joint or seam before can change.
 class SeamSearch {
  public:
   // All must outlive this.
@@ -35,11 +35,17 @@ class SeamSearch {
   static constexpr int kAheadPerThread = 4;
 
   bool GoesOn() const { return !job_.execution.IsCancelled() && !job_.execution.IsStopRequested(); }
-  void Tell() const { execution_.Report(1 - (std::max(0.0, glue_left_) + std::max(0.0, move_left_)) / all_left_); }
+  void Tell() const {
+    const double left = std::max(0.0, glue_left_) + std::max(0.0, dart_left_) + std::max(0.0, move_left_);
+    execution_.Report(1 - left / all_left_);
+  }
   std::int32_t count() const { return static_cast<std::int32_t>(segmentation_.charts().size()); }
 
   void Measure(std::int32_t i);
-  double CostOf(std::int32_t i) const { return cost_.OfChart(estimates_.of(i).stretch, area_[i]); }
+  // Before ChartEstimates::Trace(), a lower limit.
+  double CostOf(std::int32_t i) const {
+    return cost_.OfChart(estimates_.of(i).stretch, area_[i], estimates_.of(i).waste);
+  }
   // Whether the stretch of its map does not rule out that it is sound.
   bool MayBeSound(std::int32_t i) const;
   bool IsSound(std::int32_t i) const {
@@ -112,7 +118,7 @@ class SeamSearch {
   std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j, std::vector<HalfedgeHandle> border) const;
   // Glues two charts, and their mirror images alike, if that lowers the cost by at least `least`. Returns by how much
   // gluing lowers the cost, done or not; nullopt if the charts must stay apart.
-  std::optional<double> Try(const Candidate& candidate, double least);
+  std::optional<double> Try(const Segmentation::Joint& joint, double least, std::optional<Draft> draft = {});
   bool IsCurrent(std::int32_t i, int version, std::int32_t j, int other_version) const {
     return version_[i] == version && version_[j] == other_version;
   }
@@ -123,6 +129,14 @@ class SeamSearch {
   void MakeDrafts(const Candidate& best);
   // Glues charts, those with the largest gain first. Returns the total gain.
   double Glue();
+
+  // ---- Darts (seam_darts.cc).
+
+  // The part of a border that lowers the cost most, of some parts, if it is glued and the rest becomes a dart; nullopt
+  // if none does.
+  std::optional<Segmentation::Joint> BestPart(const Segmentation::Joint& joint);
+  // Glues parts of the dearest borders. Returns the total gain.
+  double SewDarts();
 
   // ---- Moving.
 
@@ -201,7 +215,8 @@ class SeamSearch {
   int stamp_ = 0;
   std::int64_t pushed_ = 0;
   int round_ = 0;
-  double glue_left_ = 0, move_left_ = 0, all_left_ = 0;  // faces that may still be estimated again; all_left_: at first
+  // Faces that may still be estimated again; all_left_: in all, at first.
+  double glue_left_ = 0, dart_left_ = 0, move_left_ = 0, all_left_ = 0;
 };
 
 }  // namespace planish

@@ -168,7 +168,10 @@ void MeasureAtlases(const Job& job, Charts* charts) {
 
 AtlasTuning MergingOf(const UnwrapOptions& options) {
   AtlasTuning tuning = options.tuning;
-  if (options.seams.prefer == SeamPreference::kSeams) tuning.widest = tuning.seams_widest;
+  if (options.seams.prefer == SeamPreference::kSeams) {
+    tuning.widest = tuning.seams_widest;
+    tuning.widest_tip = tuning.seams_widest_tip;
+  }
   return tuning;
 }
 
