@@ -151,9 +151,9 @@ class LooksReader {
       const Json& json = PrimitiveJson(root, primitive);
       const std::int64_t material = json.contains("material") ? json["material"].get<std::int64_t>() : -1;
       Rgb factor = {1, 1, 1};
-      PLANISH_ASSIGN_OR_RETURN(const Json* materials, GltfArray(gltf.document, "materials"));
-      if (material >= 0 && material < static_cast<std::int64_t>(materials->size())) {
-        const Json* const pbr = GltfObject((*materials)[static_cast<std::size_t>(material)], "pbrMetallicRoughness");
+      const Json& materials = GltfArray(gltf.document, "materials");
+      if (material >= 0 && material < static_cast<std::int64_t>(materials.size())) {
+        const Json* const pbr = GltfObject(materials[static_cast<std::size_t>(material)], "pbrMetallicRoughness");
         const Json given = pbr == nullptr ? Json() : pbr->value("baseColorFactor", Json());
         for (std::size_t k = 0; k < 3 && given.is_array() && k < given.size(); ++k) {
           if (given[k].is_number()) factor[k] = static_cast<float>(given[k].get<double>());
