@@ -469,6 +469,7 @@ absl::StatusOr<ProjectedMesh> ProjectSurface(const MeshFile& from, const MeshFil
   how.size = projection.size;
   how.height = projection.height;
   how.occlusion = projection.occlusion;
+  how.occlusion_reach = projection.occlusion_reach;
   how.stop = options.textures.stop;
   ThreadTeam team(std::max(1, options.textures.threads));
   PLANISH_ASSIGN_OR_RETURN(Projection drawn, Project(looks.source, target, how, &team));

@@ -116,7 +116,8 @@ class ProjectionDrawing {
           radius * std::cos(angle) * side + radius * std::sin(angle) * other + std::sqrt(1 - square) * normal;
       ++seen->sky_rays;
       seen->hidden += scene_.solid->IsMet(
-          origin, {static_cast<float>(ray.x()), static_cast<float>(ray.y()), static_cast<float>(ray.z())});
+          origin, {static_cast<float>(ray.x()), static_cast<float>(ray.y()), static_cast<float>(ray.z())},
+          static_cast<float>(options_.occlusion_reach));
     }
   }
 
