@@ -20,7 +20,7 @@
 namespace planish::cli {
 namespace {
 
-// Redraws the image with 8 bits, and `divisor` times smaller; a texel is the mean of those that it covers.
+// Redraws the image with 8 bits, `divisor` times smaller. A new texel is the mean of the old texels that it covers.
 TextureImage Shrunk(const TextureImage& image, int divisor) {
   ImageHeader header = image.header;
   header.bits = 8;

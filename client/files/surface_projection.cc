@@ -131,7 +131,7 @@ class LooksReader {
     return static_cast<std::int32_t>(images->size()) - 1;
   }
 
-  // The number of a base colour's image among those of the source.
+  // The index of a base colour's image in the images of the source.
   absl::StatusOr<std::int32_t> ColorImage(const BaseColor& color) {
     const std::tuple key(color.image, color.wrap_u, color.wrap_v, color.nearest);
     const auto known = color_images_.find(key);
@@ -150,7 +150,7 @@ class LooksReader {
   static Vec2 Transformed(const std::array<double, 6>& m, const Vec2& p) {
     return {m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]};
   }
-  // The UV at the corners of a primitive with which a texture reads its image; empty if there are none.
+  // The UV at the corners of a primitive with which a texture reads its image; empty if the file lacks them.
   absl::StatusOr<std::vector<Vec2>> CornerUvOf(const GltfPrimitive& primitive, int texcoord,
                                                const std::array<double, 6>& transform) const {
     std::vector<Vec2> uv;
