@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <unordered_map>
@@ -15,55 +14,31 @@
 #include "absl/strings/escaping.h"
 #include "client/src/errors.h"
 #include "client/texture/image.h"
+#include "client/texture/texture_baker.h"
+#include "core/base/thread_team.h"
 
 namespace planish::cli {
 namespace {
 
-// Makes an image of 8 bits whose texels are means of `divisor` x `divisor` texels, in linear light; those at the right
-// and the lower edge of fewer.
+// Redraws the image with 8 bits, `divisor` times smaller. A new texel is the mean of the old texels that it covers.
 TextureImage Shrunk(const TextureImage& image, int divisor) {
-  const ImageHeader& old = image.header;
-  TextureImage small = image;
-  small.header.bits = 8;
-  small.header.width = std::max(1, old.width / divisor);
-  small.header.height = std::max(1, old.height / divisor);
-  const auto channels = static_cast<std::size_t>(old.channels), bytes = static_cast<std::size_t>(old.bits / 8);
-  const std::size_t colors = channels - (old.has_alpha() ? 1 : 0);
-  small.texels.assign(static_cast<std::size_t>(small.header.bytes()), 0);
-  std::array<double, 256> linear;
-  for (std::size_t i = 0; i < linear.size(); ++i) linear[i] = LinearOfSrgb(static_cast<double>(i) / 255);
-  const auto at = [&](int x, int y, std::size_t c) {
-    const std::size_t texel =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(old.width) + static_cast<std::size_t>(x);
-    std::uint16_t wide = 0;
-    const std::uint8_t* const value = image.texels.data() + (texel * channels + c) * bytes;
-    if (bytes == 1) return *value;
-    std::memcpy(&wide, value, sizeof wide);
-    return static_cast<std::uint8_t>(wide >> 8);
-  };
-  for (int y = 0; y < small.header.height; ++y) {
-    for (int x = 0; x < small.header.width; ++x) {
-      const int right = std::min(old.width, (x + 1) * divisor), below = std::min(old.height, (y + 1) * divisor);
-      std::array<double, 4> sum = {};
-      double weight = 0, count = 0;
-      for (int j = y * divisor; j < below; ++j) {
-        for (int i = x * divisor; i < right; ++i) {
-          const double alpha = old.has_alpha() ? at(i, j, colors) / 255.0 : 1;
-          for (std::size_t c = 0; c < colors; ++c) sum[c] += alpha * linear[at(i, j, c)];
-          weight += alpha;
-          ++count;
-        }
-      }
-      std::uint8_t* const texel =
-          small.texels.data() +
-          (static_cast<std::size_t>(y) * static_cast<std::size_t>(small.header.width) + static_cast<std::size_t>(x)) *
-              channels;
-      for (std::size_t c = 0; c < colors && weight > 0; ++c) {
-        texel[c] = static_cast<std::uint8_t>(std::lround(255 * SrgbOfLinear(std::min(1.0, sum[c] / weight))));
-      }
-      if (old.has_alpha()) texel[colors] = static_cast<std::uint8_t>(std::lround(255 * weight / count));
-    }
-  }
+  ImageHeader header = image.header;
+  header.bits = 8;
+  header.width = std::max(1, header.width / divisor);
+  header.height = std::max(1, header.height / divisor);
+  std::array<TextureTriangle, 2> all;
+  all[0].from = all[0].to = {Vec2(0, 0), Vec2(1, 0), Vec2(1, 1)};
+  all[1].from = all[1].to = {Vec2(0, 0), Vec2(1, 1), Vec2(0, 1)};
+  TextureSource source;
+  source.image = &image;
+  source.wrap_u = source.wrap_v = TextureWrap::kClamp;
+  ThreadTeam team(1);
+  TextureBaker baker(header, &team);
+  const absl::Status drawn = baker.Draw(source, {all}, {TextureMeaning::kColor, /*premultiplied=*/header.has_alpha()});
+  if (!drawn.ok()) throw ErrorFrom(drawn);
+  TextureImage small = baker.Finish();
+  small.is_lossless = image.is_lossless;
+  small.color_chunks = image.color_chunks;
   return small;
 }
 

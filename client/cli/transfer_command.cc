@@ -61,6 +61,11 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
                  "bounding box [1]")
       ->check(CLI::Range(0.001, 100.0).description(""))
       ->type_name("PERCENT");
+  app.add_option("--occlusion-distance", arguments.occlusion_percent,
+                 "With --bake=occlusion: the distance up to which FROM hides the sky from itself, in percent of the "
+                 "diagonal of FROM's bounding box [100: any distance]")
+      ->check(CLI::Range(0.001, 100.0).description(""))
+      ->type_name("PERCENT");
   AddImageFlags(app, arguments.textures);
   AddJson(app, arguments.json);
   AddTerminal(app, arguments.terminal);
@@ -202,6 +207,7 @@ int ProjectFile(const TransferArguments& arguments, Interrupts& interrupts, cons
   OutputOptions output = to.Outputs(arguments.output, arguments.texcoord, 0, limits).front();
   SurfaceProjectionOptions options;
   options.cage = arguments.cage_percent / 100;
+  options.occlusion_reach = arguments.occlusion_percent / 100;
   if (arguments.texture_size != 0) options.size = arguments.texture_size;
   const auto bakes = [&arguments](const char* what) {
     return std::find(arguments.bake.begin(), arguments.bake.end(), what) != arguments.bake.end();

@@ -19,9 +19,10 @@ struct TransferArguments {
   std::optional<int> output_texcoord;  // of `from`
   bool project = false;                // between surfaces that only lie close
   std::string bake_list;
-  std::vector<std::string> bake;  // of bake_list; empty: colours and normals with `project`
-  double cage_percent = 1;        // how far apart, in hundredths of the diagonal of `to`
-  TextureArguments textures;      // its limits
+  std::vector<std::string> bake;   // of bake_list; empty: colours and normals with `project`
+  double occlusion_percent = 100;  // how far FROM hides the sky, in hundredths of its diagonal
+  double cage_percent = 1;         // how far apart, in hundredths of the diagonal of `to`
+  TextureArguments textures;       // its limits
   bool json = false;
   TerminalArguments terminal;
 };

@@ -25,10 +25,10 @@ struct View {
 };
 
 absl::StatusOr<View> OpenView(const GltfDocument& document, const Json& index, const std::string& user) {
-  PLANISH_ASSIGN_OR_RETURN(const Json* views, GltfArray(document, "bufferViews"));
+  const Json& views = GltfArray(document, "bufferViews");
   PLANISH_ASSIGN_OR_RETURN(const std::int64_t i,
-                           GltfIndex(document, index, user, static_cast<std::int64_t>(views->size())));
-  const Json& view = (*views)[static_cast<std::size_t>(i)];
+                           GltfIndex(document, index, user, static_cast<std::int64_t>(views.size())));
+  const Json& view = views[static_cast<std::size_t>(i)];
   const std::string element = "bufferViews[" + std::to_string(i) + "]";
   PLANISH_ASSIGN_OR_RETURN(const std::int64_t buffer,
                            GltfInt(document, view, element, "buffer", 0,
@@ -142,8 +142,8 @@ int ComponentSize(GltfComponent component) {
 }
 
 absl::StatusOr<GltfAccessor> OpenAccessor(const GltfDocument& document, std::int64_t index) {
-  PLANISH_ASSIGN_OR_RETURN(const Json* accessors, GltfArray(document, "accessors"));
-  const Json& json = (*accessors)[static_cast<std::size_t>(index)];
+  const Json& accessors = GltfArray(document, "accessors");
+  const Json& json = accessors[static_cast<std::size_t>(index)];
   GltfAccessor accessor;
   accessor.element = "accessors[" + std::to_string(index) + "]";
   PLANISH_RETURN_IF_ERROR(ReadShape(document, json, &accessor));

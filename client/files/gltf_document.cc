@@ -114,7 +114,13 @@ absl::Status CheckVersion(const GltfDocument& document) {
 absl::Status CheckLists(const GltfDocument& document) {
   for (const char* key : {"accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials",
                           "meshes", "nodes", "samplers", "scenes", "skins", "textures"}) {
-    PLANISH_RETURN_IF_ERROR(GltfArray(document, key).status());
+    const Json& list = GltfArray(document, key);
+    if (!list.is_array()) return GltfFault(document, key, "not an array");
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (!list[i].is_object()) {
+        return GltfFault(document, std::string(key) + "[" + std::to_string(i) + "]", "not an object");
+      }
+    }
   }
   for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
     const auto names = document.json.find(key);
@@ -127,9 +133,9 @@ absl::Status CheckLists(const GltfDocument& document) {
 }
 
 absl::Status LoadBuffers(const std::optional<std::string_view>& binary, GltfDocument* document) {
-  PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(*document, "buffers"));
-  for (std::size_t i = 0; i < buffers->size(); ++i) {
-    const Json& buffer = (*buffers)[i];
+  const Json& buffers = GltfArray(*document, "buffers");
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    const Json& buffer = buffers[i];
     const std::string element = "buffers[" + std::to_string(i) + "]";
     PLANISH_ASSIGN_OR_RETURN(const std::int64_t length,
                              GltfInt(*document, buffer, element, "byteLength", 0, kLargestGltfInt, std::nullopt));
@@ -186,17 +192,10 @@ absl::Status GltfFault(const GltfDocument& document, const std::string& element,
                    document.path + ": " + element + ": " + message, {{"path", document.path}, {"element", element}});
 }
 
-absl::StatusOr<const Json*> GltfArray(const GltfDocument& document, const char* key) {
+const Json& GltfArray(const GltfDocument& document, const char* key) {
   static const auto* const empty = new Json(Json::array());
   const auto array = document.json.find(key);
-  if (array == document.json.end()) return empty;
-  if (!array->is_array()) return GltfFault(document, key, "not an array");
-  for (std::size_t i = 0; i < array->size(); ++i) {
-    if (!(*array)[i].is_object()) {
-      return GltfFault(document, std::string(key) + "[" + std::to_string(i) + "]", "not an object");
-    }
-  }
-  return &*array;
+  return array == document.json.end() ? *empty : *array;
 }
 
 absl::StatusOr<std::int64_t> GltfInt(const GltfDocument& document, const Json& object, const std::string& element,

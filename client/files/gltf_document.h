@@ -37,8 +37,8 @@ absl::StatusOr<GltfDocument> ParseGltf(const std::string& path, std::string_view
 // FILE_MALFORMED: "path: element: message".
 absl::Status GltfFault(const GltfDocument& document, const std::string& element, const std::string& message);
 
-// The array `key` of the document's root; empty if it is missing. FILE_MALFORMED if it is not an array of objects.
-absl::StatusOr<const Json*> GltfArray(const GltfDocument& document, const char* key);
+// The array `key` of the document's root; empty if it is missing. ParseGltf() has checked that it is one of objects.
+const Json& GltfArray(const GltfDocument& document, const char* key);
 
 // The largest integer in JSON such that a double holds it and all smaller ones exactly.
 inline constexpr std::int64_t kLargestGltfInt = std::int64_t{1} << 53;

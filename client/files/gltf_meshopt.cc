@@ -127,12 +127,12 @@ void TakeOut(const char* name, Json* object) {
 }
 
 absl::Status DecompressViews(const char* name, GltfDocument* document) {
-  PLANISH_ASSIGN_OR_RETURN(const Json* views, GltfArray(*document, "bufferViews"));
-  PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(*document, "buffers"));
+  const Json& views = GltfArray(*document, "bufferViews");
+  const Json& buffers = GltfArray(*document, "buffers");
   std::string decoded;
   bool any = false;
-  for (std::size_t i = 0; i < views->size(); ++i) {
-    const Json* const extensions = GltfObject((*views)[i], "extensions");
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Json* const extensions = GltfObject(views[i], "extensions");
     const Json* const json = extensions == nullptr ? nullptr : GltfObject(*extensions, name);
     if (json == nullptr) continue;
     any = true;
@@ -153,7 +153,7 @@ absl::Status DecompressViews(const char* name, GltfDocument* document) {
     PLANISH_ASSIGN_OR_RETURN(const std::string bytes, Decompress(*document, compressed, element));
     decoded.resize((decoded.size() + kViewAlignment - 1) / kViewAlignment * kViewAlignment, '\0');
     TakeOut(name, &view);
-    view["buffer"] = buffers->size();
+    view["buffer"] = buffers.size();
     view["byteOffset"] = decoded.size();
     view["byteLength"] = bytes.size();
     decoded += bytes;

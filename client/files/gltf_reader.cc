@@ -28,17 +28,17 @@ class GltfReader {
     auto result = std::make_shared<GltfMesh>();
     gltf_ = result.get();
     PLANISH_ASSIGN_OR_RETURN(gltf_->document, ParseGltf(path_, bytes));
-    PLANISH_ASSIGN_OR_RETURN(const Json* meshes, GltfArray(document(), "meshes"));
-    PLANISH_ASSIGN_OR_RETURN(const Json* accessors, GltfArray(document(), "accessors"));
-    PLANISH_ASSIGN_OR_RETURN(const Json* materials, GltfArray(document(), "materials"));
-    num_accessors_ = static_cast<std::int64_t>(accessors->size());
-    num_materials_ = static_cast<std::int64_t>(materials->size());
-    for (std::size_t m = 0; m < meshes->size(); ++m) PLANISH_RETURN_IF_ERROR(ReadMesh((*meshes)[m], m));
+    const Json& meshes = GltfArray(document(), "meshes");
+    const Json& accessors = GltfArray(document(), "accessors");
+    const Json& materials = GltfArray(document(), "materials");
+    num_accessors_ = static_cast<std::int64_t>(accessors.size());
+    num_materials_ = static_cast<std::int64_t>(materials.size());
+    for (std::size_t m = 0; m < meshes.size(); ++m) PLANISH_RETURN_IF_ERROR(ReadMesh(meshes[m], m));
     if (mesh_.num_polygons() == 0) {
       return FileMalformed(path_, 0, "no triangles: there is nothing to unwrap in meshes without them");
     }
     for (std::int64_t i = 0; i < num_materials_; ++i) {
-      mesh_.material_names.push_back(GltfName((*materials)[static_cast<std::size_t>(i)], "material", i));
+      mesh_.material_names.push_back(GltfName(materials[static_cast<std::size_t>(i)], "material", i));
     }
     if (num_materials_ == 0) mesh_.polygon_material.clear();
     if (has_texcoord_) {

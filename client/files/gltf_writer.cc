@@ -70,9 +70,9 @@ class GltfUvWriter {
       PLANISH_RETURN_IF_ERROR(JoinPrimitives(gltf_.document.path, &patch_.json(), &buffer));
     }
     Json& json = patch_.json();
-    PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
-    const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
-                          !IsDataUri((*buffers)[0]["uri"].get_ref<const std::string&>());
+    const Json& buffers = GltfArray(gltf_.document, "buffers");
+    const bool had_file =
+        !buffers.empty() && buffers[0].contains("uri") && !IsDataUri(buffers[0]["uri"].get_ref<const std::string&>());
     PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfFiles(std::move(json), std::move(buffer), gltf_.document.indent,
                                                             gltf_.document.other_chunks, had_file, options_));
     written.files.insert(written.files.begin(), std::make_move_iterator(moved.files.begin()),

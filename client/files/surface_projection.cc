@@ -3,20 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "Eigen/Geometry"
+#include "client/files/base_colors.h"
 #include "client/files/gltf_accessor.h"
 #include "client/files/gltf_attribute.h"
 #include "client/files/gltf_bake.h"
 #include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
-#include "client/files/obj_materials.h"
 #include "client/files/texture_files.h"
 #include "client/files/vertex_colors.h"
 #include "client/files/writers.h"
@@ -59,7 +59,11 @@ struct ProjectedLooks {
 class LooksReader {
  public:
   LooksReader(const MeshFile& file, const OutputOptions& options, ProjectedLooks* looks)
-      : file_(file), options_(options), looks_(*looks), corners_(file.mesh.corner_vertex.size()) {}
+      : file_(file),
+        options_(options),
+        looks_(*looks),
+        corners_(file.mesh.corner_vertex.size()),
+        base_colors_(file, options.textures.allow_outside) {}
 
   absl::Status Read() {
     looks_.triangles = Triangulate(file_.mesh);
@@ -127,13 +131,46 @@ class LooksReader {
     return static_cast<std::int32_t>(images->size()) - 1;
   }
 
+  // The index of a base colour's image in the images of the source.
+  absl::StatusOr<std::int32_t> ColorImage(const BaseColor& color) {
+    const std::tuple key(color.image, color.wrap_u, color.wrap_v, color.nearest);
+    const auto known = color_images_.find(key);
+    if (known != color_images_.end()) return known->second;
+    PLANISH_ASSIGN_OR_RETURN(const std::string bytes, base_colors_.Image(color.image));
+    PLANISH_ASSIGN_OR_RETURN(color_images_[key], AddImage(bytes, file_.path + ": " + color.image_name,
+                                                          {nullptr, nullptr, color.wrap_u, color.wrap_v, color.nearest},
+                                                          &looks_.source.color_maps, &looks_.colors));
+    return color_images_[key];
+  }
+  const BaseColor& BaseColorOf(std::int64_t material) const {
+    static const auto* const none = new BaseColor();
+    const std::vector<BaseColor>& all = base_colors_.of_material();
+    return material >= 0 && material < std::ssize(all) ? all[static_cast<std::size_t>(material)] : *none;
+  }
+  static Vec2 Transformed(const std::array<double, 6>& m, const Vec2& p) {
+    return {m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]};
+  }
+  // The UV at the corners of a primitive with which a texture reads its image; empty if the file lacks them.
+  absl::StatusOr<std::vector<Vec2>> CornerUvOf(const GltfPrimitive& primitive, int texcoord,
+                                               const std::array<double, 6>& transform) const {
+    std::vector<Vec2> uv;
+    if (texcoord < 0) return uv;
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<float> given,
+                             ReadVertexAttribute(*file_.gltf, primitive, "TEXCOORD_" + std::to_string(texcoord), 2));
+    if (given.empty()) return uv;
+    for (auto c = 3 * primitive.first_polygon; c < 3 * (primitive.first_polygon + primitive.num_polygons); ++c) {
+      const auto v = 2 * static_cast<std::size_t>(file_.gltf->corner_vertex[static_cast<std::size_t>(c)]);
+      uv.push_back(Transformed(transform, Vec2(given[v], given[v + 1])));
+    }
+    return uv;
+  }
+
   absl::Status ReadGltfLooks() {
     const GltfMesh& gltf = *file_.gltf;
     const Json& root = gltf.document.json;
     std::vector<Rgb> normals(corners_, Rgb{0, 0, 0}), colors(corners_, Rgb{1, 1, 1});
     std::vector<Vec2> uv(corners_, Vec2::Zero());
     std::vector<std::int32_t> image_of(static_cast<std::size_t>(file_.mesh.num_polygons()), -1);
-    std::map<std::int64_t, std::int32_t> image_of_material;
     // The same of normal maps.
     std::vector<Vec2> normal_uv(corners_, Vec2::Zero());
     std::vector<std::array<float, 4>> tangents(corners_, std::array<float, 4>{1, 0, 0, 1});
@@ -143,55 +180,45 @@ class LooksReader {
     for (const GltfPrimitive& primitive : gltf.primitives) {
       const auto first = static_cast<std::size_t>(3 * primitive.first_polygon);
       const auto count = static_cast<std::size_t>(3 * primitive.num_polygons);
+      const auto at = [first](auto& list) { return list.begin() + static_cast<std::ptrdiff_t>(first); };
       bool are_given = false;
       PLANISH_ASSIGN_OR_RETURN(const std::vector<float> own, CornerNormals(gltf, primitive, &are_given));
       for (std::size_t c = 0; c < count; ++c) normals[first + c] = {own[3 * c], own[3 * c + 1], own[3 * c + 2]};
       has_normals_ |= are_given;
       PLANISH_ASSIGN_OR_RETURN(const std::vector<float> vertex, ReadVertexAttribute(gltf, primitive, "COLOR_0", 3));
-      const Json& json = PrimitiveJson(root, primitive);
-      const std::int64_t material = json.contains("material") ? json["material"].get<std::int64_t>() : -1;
-      Rgb factor = {1, 1, 1};
-      PLANISH_ASSIGN_OR_RETURN(const Json* materials, GltfArray(gltf.document, "materials"));
-      if (material >= 0 && material < static_cast<std::int64_t>(materials->size())) {
-        const Json* const pbr = GltfObject((*materials)[static_cast<std::size_t>(material)], "pbrMetallicRoughness");
-        const Json given = pbr == nullptr ? Json() : pbr->value("baseColorFactor", Json());
-        for (std::size_t k = 0; k < 3 && given.is_array() && k < given.size(); ++k) {
-          if (given[k].is_number()) factor[k] = static_cast<float>(given[k].get<double>());
-        }
-        has_colors |= given.is_array();
-      }
-      has_colors |= !vertex.empty();
+      const std::int64_t material = GltfIntAt(PrimitiveJson(root, primitive), "material", -1);
+      const BaseColor& color = BaseColorOf(material);
+      has_colors |= !vertex.empty() || color.factor != BaseColor().factor;
       for (std::size_t c = 0; c < count; ++c) {
         const auto v = 3 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
         for (std::size_t k = 0; k < 3; ++k) {
-          colors[first + c][k] = factor[k] * (vertex.empty() ? 1.0F : vertex[v + k]);
+          colors[first + c][k] = static_cast<float>(color.factor[k]) * (vertex.empty() ? 1.0F : vertex[v + k]);
+        }
+      }
+      if (color.image >= 0) {
+        PLANISH_ASSIGN_OR_RETURN(const std::vector<Vec2> own_uv,
+                                 CornerUvOf(primitive, color.texcoord, color.transform));
+        if (!own_uv.empty()) {
+          PLANISH_ASSIGN_OR_RETURN(const std::int32_t image, ColorImage(color));
+          std::copy(own_uv.begin(), own_uv.end(), at(uv));
+          std::fill_n(image_of.begin() + primitive.first_polygon, primitive.num_polygons, image);
         }
       }
       for (const GltfTextureUse& use : TextureUses(root, material)) {
-        const bool is_color = use.slot == "baseColorTexture";
-        if ((!is_color && use.slot != "normalTexture") || use.texcoord < 0) continue;
-        PLANISH_ASSIGN_OR_RETURN(const std::vector<float> texcoords,
-                                 ReadVertexAttribute(gltf, primitive, "TEXCOORD_" + std::to_string(use.texcoord), 2));
+        if (use.slot != "normalTexture") continue;
+        PLANISH_ASSIGN_OR_RETURN(const std::vector<Vec2> own_uv, CornerUvOf(primitive, use.texcoord, use.transform));
         const std::vector<GltfTextureSource> sources = TextureSources(root, use.texture);
-        if (texcoords.empty() || sources.empty()) continue;
-        auto& known = is_color ? image_of_material : normal_map_of_material;
-        if (!known.contains(material)) {
-          PLANISH_ASSIGN_OR_RETURN(known[material], AddGltfImage(use, sources[0].image, is_color));
+        if (own_uv.empty() || sources.empty()) continue;
+        if (!normal_map_of_material.contains(material)) {
+          PLANISH_ASSIGN_OR_RETURN(normal_map_of_material[material], AddNormalMap(use, sources[0].image));
         }
-        const std::array<double, 6>& m = use.transform;
-        std::vector<Vec2> own_uv(count);
-        for (std::size_t c = 0; c < count; ++c) {
-          const auto v = 2 * static_cast<std::size_t>(gltf.corner_vertex[first + c]);
-          const Vec2 p(texcoords[v], texcoords[v + 1]);
-          own_uv[c] = Vec2(m[0] * p.x() + m[1] * p.y() + m[2], m[3] * p.x() + m[4] * p.y() + m[5]);
-          (is_color ? uv : normal_uv)[first + c] = own_uv[c];
-          (is_color ? image_of : normal_map_of)[(first + c) / 3] = known[material];
-        }
-        if (is_color) continue;
+        std::copy(own_uv.begin(), own_uv.end(), at(normal_uv));
+        std::fill_n(normal_map_of.begin() + primitive.first_polygon, primitive.num_polygons,
+                    normal_map_of_material[material]);
         PLANISH_ASSIGN_OR_RETURN(const std::vector<float> positions,
                                  ReadVertexAttribute(gltf, primitive, "POSITION", 3));
         PLANISH_ASSIGN_OR_RETURN(const auto frames, CornerTangents(gltf, primitive, positions, own, are_given, own_uv));
-        std::copy(frames.begin(), frames.end(), tangents.begin() + static_cast<std::ptrdiff_t>(first));
+        std::copy(frames.begin(), frames.end(), at(tangents));
       }
     }
     if (has_normals_) looks_.source.normals = OfTriangles(normals);
@@ -206,55 +233,31 @@ class LooksReader {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::int32_t> AddGltfImage(const GltfTextureUse& use, std::int64_t image, bool is_color) {
+  absl::StatusOr<std::int32_t> AddNormalMap(const GltfTextureUse& use, std::int64_t image) {
     const GltfDocument& document = file_.gltf->document;
     PLANISH_ASSIGN_OR_RETURN(const std::string bytes, GltfImageBytes(document, image, options_.textures.allow_outside));
     const auto [wrap_u, wrap_v] = TextureWraps(document.json, use.texture);
-    if (!is_color) looks_.source.normal_scales.push_back(use.normal_scale);
-    return AddImage(bytes, file_.path + ": " + use.name, {nullptr, nullptr, wrap_u, wrap_v},
-                    is_color ? &looks_.source.color_maps : &looks_.source.normal_maps,
-                    is_color ? &looks_.colors : &looks_.normals);
+    looks_.source.normal_scales.push_back(use.normal_scale);
+    return AddImage(bytes, file_.path + ": " + use.name, {nullptr, nullptr, wrap_u, wrap_v}, &looks_.source.normal_maps,
+                    &looks_.normals);
   }
 
   absl::Status ReadObjLooks() {
     const PolygonMesh& mesh = file_.mesh;
     if (mesh.polygon_material.empty() || mesh.corner_texcoord.empty()) return absl::OkStatus();
-    std::map<std::string, std::pair<std::string, MtlMap>> maps;  // by material: the folder of its file, and its image
-    for (const std::string& library : MaterialLibraries(file_.bytes)) {
-      const absl::StatusOr<std::string> text = ReadImageFile(file_.path, library, options_.textures.allow_outside);
-      if (!text.ok()) continue;
-      for (const MtlMaterial& material : ParseMtl(*text).materials) {
-        for (const MtlMap& map : material.maps) {
-          if (map.meaning == TextureMeaning::kColor && map.keyword.ends_with("Kd")) {
-            maps.emplace(material.name, std::pair(std::filesystem::path(library).parent_path().string(), map));
-          }
-        }
-      }
-    }
-    std::map<std::int32_t, std::int32_t> images;
     std::vector<std::int32_t> image_of;
     std::vector<Vec2> uv(corners_, Vec2::Zero());
     for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
-      const std::int32_t id = mesh.polygon_material[static_cast<std::size_t>(p)];
-      const auto found = id < 0 ? maps.end() : maps.find(mesh.material_names[static_cast<std::size_t>(id)]);
+      const BaseColor& color = BaseColorOf(mesh.polygon_material[static_cast<std::size_t>(p)]);
       image_of.push_back(-1);
-      if (found == maps.end()) continue;
-      const auto& [folder, map] = found->second;
-      if (!images.contains(id)) {
-        const std::string name = (std::filesystem::path(folder) / map.file).string();
-        PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
-                                 ReadImageFile(file_.path, name, options_.textures.allow_outside));
-        const TextureWrap wrap = map.clamp ? TextureWrap::kClamp : TextureWrap::kRepeat;
-        PLANISH_ASSIGN_OR_RETURN(images[id], AddImage(bytes, file_.path + ": " + name, {nullptr, nullptr, wrap, wrap},
-                                                      &looks_.source.color_maps, &looks_.colors));
-      }
-      image_of.back() = images[id];
+      if (color.image < 0) continue;
+      PLANISH_ASSIGN_OR_RETURN(image_of.back(), ColorImage(color));
       for (auto c = static_cast<std::size_t>(mesh.polygon_begin[static_cast<std::size_t>(p)]);
            c < static_cast<std::size_t>(mesh.polygon_begin[static_cast<std::size_t>(p) + 1]); ++c) {
         const std::int32_t texcoord = mesh.corner_texcoord[c];
         if (texcoord < 0) continue;
         const Vec2& value = mesh.texcoords[static_cast<std::size_t>(texcoord)];
-        uv[c] = Vec2(map.scale[0] * value.x() + map.offset[0], 1 - (map.scale[1] * value.y() + map.offset[1]));
+        uv[c] = Transformed(color.transform, Vec2(value.x(), 1 - value.y()));
       }
     }
     SetImages(image_of, uv, &looks_.source.color_maps);
@@ -275,6 +278,8 @@ class LooksReader {
   const OutputOptions& options_;
   ProjectedLooks& looks_;
   const std::size_t corners_;
+  const BaseColorReader base_colors_;
+  std::map<std::tuple<std::int64_t, TextureWrap, TextureWrap, bool>, std::int32_t> color_images_;
   bool has_normals_ = false;
   std::int64_t memory_ = 0;
 };
@@ -464,6 +469,7 @@ absl::StatusOr<ProjectedMesh> ProjectSurface(const MeshFile& from, const MeshFil
   how.size = projection.size;
   how.height = projection.height;
   how.occlusion = projection.occlusion;
+  how.occlusion_reach = projection.occlusion_reach;
   how.stop = options.textures.stop;
   ThreadTeam team(std::max(1, options.textures.threads));
   PLANISH_ASSIGN_OR_RETURN(Projection drawn, Project(looks.source, target, how, &team));

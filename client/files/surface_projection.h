@@ -1,5 +1,5 @@
-// Bakes the look of one file's surface (colours, normals, height, occlusion) into images of another that lies close, such
-// as a scan and its decimated copy.
+// Bakes the look of one file's surface (colours, normals, height, occlusion) into images of another that lies close,
+// such as a scan and its decimated copy.
 #pragma once
 
 #include <algorithm>
@@ -20,6 +20,7 @@ struct SurfaceProjectionOptions {
   int size = 2048;     // texels per side of the images
   bool colors = true;  // if `from` has any
   bool normals = true, height = false, occlusion = false;
+  double occlusion_reach = 1;  // how far `from` can hide the sky from itself, in diagonals of `from`
 };
 
 // Grey of 16 bits: `from` lies low + (high - low) * value / 65535 above `to`, along its normals.

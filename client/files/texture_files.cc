@@ -81,7 +81,7 @@ int SideFor(double wanted, int least, const std::string& name, const TextureOpti
 // `header`. `is_part`: the new image exists already. Otherwise the old image is freed before the new one is allocated.
 absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const ImageHeader& old,
                          const ImageHeader& header, bool is_part, const TextureOptions& options) {
-  const std::int64_t result = 2 * header.bytes() + 2 * header.texels();
+  const std::int64_t result = 2 * header.bytes() + (is_part ? 6 : 2) * header.texels();
   const std::int64_t memory =
       file_bytes + TextureBaker::SourceBytes(old) + (is_part ? old.bytes() + result : std::max(old.bytes(), result));
   if (options.memory == 0 || memory <= options.memory) return absl::OkStatus();
@@ -93,10 +93,9 @@ absl::Status CheckMemory(const std::string& name, std::int64_t file_bytes, const
                    {{"image", name}, {"bytes", std::to_string(memory)}});
 }
 
-// Draws `image` by the triangles of `bake`, which are in `triangles`, and in `all` if that is not empty (see
-// TextureGeometry).
-absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<const TextureTriangle> triangles,
-                      std::span<const TextureTriangle> all, const TextureOptions& options, TextureBaker* baker) {
+// Draws `image` by the triangles of `bake`. `first`: see TextureGeometry.
+absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::size_t first, const TextureOptions& options,
+                      TextureBaker* baker) {
   TextureSource source;
   source.image = image;
   source.spent = image;
@@ -106,7 +105,7 @@ absl::Status DrawPart(TextureImage* image, const TextureBake& bake, std::span<co
   BakeOptions how = bake.options;
   const bool is_direction = how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection;
   if (image->header.channels < 3 && is_direction) how.meaning = TextureMeaning::kData;
-  TextureGeometry geometry = {triangles, {}, bake.colors, all};
+  TextureGeometry geometry = {bake.triangles, {}, bake.colors, first};
   if (how.meaning == TextureMeaning::kNormal || how.meaning == TextureMeaning::kDirection)
     geometry.frames = bake.frames;
   return baker->Draw(source, geometry, how, options.stop);
@@ -139,7 +138,7 @@ absl::StatusOr<std::string> BakeImage(std::string bytes, const TextureBake& bake
   bytes = std::string();  // frees the file, since an image may be large
   ThreadTeam team(std::max(1, options.threads));
   TextureBaker baker(header, &team);
-  PLANISH_RETURN_IF_ERROR(DrawPart(&image, bake, bake.triangles, {}, options, &baker));
+  PLANISH_RETURN_IF_ERROR(DrawPart(&image, bake, 0, options, &baker));
   TextureImage result = baker.Finish();
   result.header.kind = old.kind;
   result.is_lossless = image.is_lossless;
@@ -184,14 +183,13 @@ absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std:
   header.width = header.height = SideFor(wanted, least, name, options, warnings);
   ThreadTeam team(std::max(1, options.threads));
   TextureBaker baker(header, &team);
+  baker.Claim(all);
+  all = std::vector<TextureTriangle>();
   std::optional<std::vector<TextureImage::ColorChunk>> chunks;
   bool is_lossless = true;
   bool have_same_chunks = true;
   std::size_t first = 0;
   for (TexturePart& part : parts) {
-    // `all` has the triangles of all parts, one part after the other.
-    const std::span<const TextureTriangle> own(all.data() + first, part.bake.triangles.size());
-    first += own.size();
     TextureImage image = WhiteTexel();
     if (part.read) {
       PLANISH_ASSIGN_OR_RETURN(std::string bytes, part.read());
@@ -203,7 +201,8 @@ absl::StatusOr<std::string> BakeParts(std::vector<TexturePart> parts, const std:
       have_same_chunks = have_same_chunks && old.channels >= 3 && (!chunks || HaveTheSame(*chunks, image.color_chunks));
       chunks = std::move(image.color_chunks);
     }
-    PLANISH_RETURN_IF_ERROR(DrawPart(&image, part.bake, own, all, options, &baker));
+    PLANISH_RETURN_IF_ERROR(DrawPart(&image, part.bake, first, options, &baker));
+    first += part.bake.triangles.size();
     part.bake = TextureBake();
   }
   TextureImage result = baker.Finish();

@@ -116,7 +116,8 @@ class ProjectionDrawing {
           radius * std::cos(angle) * side + radius * std::sin(angle) * other + std::sqrt(1 - square) * normal;
       ++seen->sky_rays;
       seen->hidden += scene_.solid->IsMet(
-          origin, {static_cast<float>(ray.x()), static_cast<float>(ray.y()), static_cast<float>(ray.z())});
+          origin, {static_cast<float>(ray.x()), static_cast<float>(ray.y()), static_cast<float>(ray.z())},
+          static_cast<float>(options_.occlusion_reach));
     }
   }
 
@@ -245,9 +246,7 @@ absl::StatusOr<Projection> Project(const ProjectionSource& source, const Project
         const int first = static_cast<int>(band) * texture_internal::kBandRows;
         const int end = std::min(header.height, first + texture_internal::kBandRows);
         const std::size_t count = width * static_cast<std::size_t>(end - first);
-        texture_internal::BandTexels texels = {
-            std::vector<std::int32_t>(count, -1),
-            std::vector<float>(count, static_cast<float>(texture_internal::kRing * texture_internal::kRing))};
+        texture_internal::BandTexels texels(count);
         std::vector<RasterTriangle> rasters(list.size());
         for (std::size_t i = 0; i < list.size(); ++i) {
           if (!SetTarget(triangles[static_cast<std::size_t>(list[i])], header, &rasters[i])) continue;

@@ -50,6 +50,7 @@ struct ProjectionOptions {
   double reach = 0;  // length of the rays on either side of the target
   int size = 2048;   // texels per side
   bool height = false, occlusion = false;
+  double occlusion_reach = 1;  // length of the rays towards the sky, in diagonals of the source
   const std::atomic<bool>* stop = nullptr;
 };
 
@@ -67,8 +68,8 @@ struct Projection {
 // nearest hit on faces that face the same way. Texels without a hit are filled like gaps.
 //
 // Occlusion: from each hit, kSkyRays rays over the hemisphere of the hit face, weighted by the cosine; the share that
-// meets the source, however far away, is hidden. The directions are a fixed set, turned by an angle that depends on the
-// texel.
+// meets the source within occlusion_reach is hidden. The directions are a fixed set, turned by an angle that depends on
+// the texel.
 //
 // CANCELLED; INVALID_ARGUMENT SURFACE_EMPTY if the source has no extent or positions that are not finite.
 absl::StatusOr<Projection> Project(const ProjectionSource& source, const ProjectionTarget& target,

@@ -18,8 +18,9 @@ namespace planish {
 namespace {
 
 using texture_internal::BandTexels;
-using texture_internal::Claim;
+using texture_internal::BeyondEdges;
 using texture_internal::Cross;
+using texture_internal::ForEachTexelNear;
 using texture_internal::HalfPlane;
 using texture_internal::kBandRows;
 using texture_internal::kRing;
@@ -151,8 +152,7 @@ class TextureDrawing {
         triangles_(geometry.triangles),
         frames_(geometry.frames),
         colors_(geometry.colors),
-        all_(AllOf(geometry)),
-        first_(static_cast<std::size_t>(geometry.triangles.data() - all_.data())),
+        first_(geometry.first),
         options_(options),
         target_(target),
         whole_(geometry.triangles),
@@ -168,48 +168,61 @@ class TextureDrawing {
     deepest_ = levels_.MakeLevel(deepest);
   }
 
-  static std::span<const TextureTriangle> AllOf(const TextureGeometry& geometry) {
-    return geometry.all.empty() ? geometry.triangles : geometry.all;
-  }
-
-  // Draws rows [first_row, end_row). `list` has the triangles of the whole image that may have texels there.
-  void DrawBand(std::span<const std::int32_t> list, int first_row, int end_row, TextureImage* image,
-                std::vector<std::uint8_t>* drawn) const {
+  // Draws rows [first_row, end_row). `list` has the triangles that may have texels there. `owner`: as
+  // TextureBaker::owner_; if it is empty, a texel belongs to the nearest triangle of the list.
+  void DrawBand(std::span<const std::int32_t> list, std::span<const std::int32_t> owner, int first_row, int end_row,
+                TextureImage* image, std::vector<std::uint8_t>* drawn) const {
     const auto width = static_cast<std::size_t>(target_.width);
-    const std::size_t count = width * static_cast<std::size_t>(end_row - first_row);
-    BandTexels texels = {std::vector<std::int32_t>(count, -1),
-                         std::vector<float>(count, static_cast<float>(kRing * kRing))};
+    const std::size_t first = width * static_cast<std::size_t>(first_row);
+    std::vector<BandTexels> texels;
+    if (owner.empty()) texels.emplace_back(width * static_cast<std::size_t>(end_row - first_row));
     std::vector<Footprint> footprints(list.size());
-    for (std::size_t i = 0; i < list.size(); ++i) {
-      if (!SetTarget(all_[static_cast<std::size_t>(list[i])], target_, &footprints[i])) continue;
-      Claim(footprints[i], static_cast<std::int32_t>(i), first_row, end_row, &texels);
-    }
-    std::vector<bool> is_ready(list.size(), false);
-    const std::size_t texel_bytes = static_cast<std::size_t>(target_.channels * (target_.bits / 8));
-    for (std::size_t i = 0; i < count; ++i) {
-      if (texels.owner[i] < 0) continue;
-      const std::size_t at = width * static_cast<std::size_t>(first_row) + i;
-      const std::uint8_t rank = texels.distance[i] > 0 ? 1 : 2;
-      if ((*drawn)[at] >= rank) continue;
-      const auto own = static_cast<std::size_t>(texels.owner[i]);
-      const std::size_t t = static_cast<std::size_t>(list[own]) - first_;
-      if (t >= triangles_.size()) continue;  // the triangle is of another source (numbers below first_ wrap around)
-      Footprint& footprint = footprints[own];
-      if (!is_ready[own]) {
-        SetSource(t, &footprint);
-        SetSamples(&footprint);
-        is_ready[own] = true;
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      const auto t = static_cast<std::size_t>(list[k]);
+      Footprint& footprint = footprints[k];
+      if (!SetTarget(triangles_[t], target_, &footprint)) continue;
+      if (owner.empty()) {
+        texture_internal::Claim(footprint, static_cast<std::int32_t>(k), first_row, end_row, &texels[0]);
+        continue;
       }
+      bool is_ready = false;
+      ForEachTexelNear(footprint, first_row, end_row, target_.width, [&](std::size_t i, const Vec2& p) {
+        if (owner[first + i] != static_cast<std::int32_t>(first_ + t)) return;
+        if (!is_ready) Prepare(t, &footprint);
+        is_ready = true;
+        DrawTexel(footprint, t, p, BeyondEdges(footprint, p) <= 0, first + i, image, drawn);
+      });
+    }
+    if (!owner.empty()) return;
+    std::vector<bool> is_ready(list.size(), false);
+    for (std::size_t i = 0; i < texels[0].owner.size(); ++i) {
+      if (texels[0].owner[i] < 0) continue;
+      const auto k = static_cast<std::size_t>(texels[0].owner[i]), t = static_cast<std::size_t>(list[k]);
+      if (!is_ready[k]) Prepare(t, &footprints[k]);
+      is_ready[k] = true;
       const Vec2 p(static_cast<double>(i % width) + 0.5, first_row + static_cast<double>(i / width) + 0.5);
-      Rgba value = Mean(footprint, rank == 2 ? p : Near(footprint, p));
-      if (!frames_.empty()) value = InNewFrame(footprint, t, p, value);
-      value = Scaled(footprint, t, p, value);
-      Store(value, image->texels.data() + at * texel_bytes);
-      (*drawn)[at] = rank;
+      DrawTexel(footprints[k], t, p, texels[0].distance[i] <= 0, first + i, image, drawn);
     }
   }
 
  private:
+  void Prepare(std::size_t t, Footprint* footprint) const {
+    SetSource(t, footprint);
+    SetSamples(footprint);
+  }
+
+  // Draws texel number `at`, whose middle is `p`.
+  void DrawTexel(const Footprint& footprint, std::size_t t, const Vec2& p, bool is_inside, std::size_t at,
+                 TextureImage* image, std::vector<std::uint8_t>* drawn) const {
+    const std::uint8_t rank = is_inside ? 2 : 1;
+    if ((*drawn)[at] >= rank) return;
+    Rgba value = Mean(footprint, is_inside ? p : Near(footprint, p));
+    if (!frames_.empty()) value = InNewFrame(footprint, t, p, value);
+    value = Scaled(footprint, t, p, value);
+    Store(value, image->texels.data() + at * static_cast<std::size_t>(target_.channels * (target_.bits / 8)));
+    (*drawn)[at] = rank;
+  }
+
   void SetSource(std::size_t t, Footprint* footprint) const {
     const TextureTriangle& triangle = triangles_[t];
     const ImageHeader& header = source_.image->header;
@@ -386,8 +399,7 @@ class TextureDrawing {
   std::span<const TextureTriangle> triangles_;
   std::span<const CornerFrames> frames_;
   std::span<const CornerColor> colors_;
-  std::span<const TextureTriangle> all_;
-  std::size_t first_;  // index of the first of triangles_ in all_
+  std::size_t first_;  // index of the first of triangles_ in the list given to Claim()
   const BakeOptions& options_;
   const ImageHeader& target_;
   WholeEdges whole_;
@@ -406,6 +418,27 @@ void TextureBaker::MakeImage() {
   image_.texels.resize(static_cast<std::size_t>(image_.header.bytes()), 0);
 }
 
+void TextureBaker::Claim(std::span<const TextureTriangle> all) {
+  const ImageHeader& target = image_.header;
+  owner_.resize(static_cast<std::size_t>(target.texels()));
+  const std::vector<std::vector<std::int32_t>> of_band = texture_internal::TrianglesOfBands(all, target);
+  team_->ForEach(
+      std::ssize(of_band),
+      [&](std::int64_t band) {
+        const int first = static_cast<int>(band) * kBandRows, end = std::min(target.height, first + kBandRows);
+        const auto width = static_cast<std::size_t>(target.width);
+        BandTexels texels(width * static_cast<std::size_t>(end - first));
+        for (const std::int32_t t : of_band[static_cast<std::size_t>(band)]) {
+          RasterTriangle triangle;
+          if (!SetTarget(all[static_cast<std::size_t>(t)], target, &triangle)) continue;
+          texture_internal::Claim(triangle, t, first, end, &texels);
+        }
+        std::copy(texels.owner.begin(), texels.owner.end(),
+                  owner_.begin() + static_cast<std::ptrdiff_t>(width * static_cast<std::size_t>(first)));
+      },
+      1);
+}
+
 template <typename Texel>
 absl::Status TextureBaker::DrawFrom(const TextureSource& source, const TextureGeometry& geometry,
                                     const BakeOptions& options, const std::atomic<bool>* stop) {
@@ -413,8 +446,7 @@ absl::Status TextureBaker::DrawFrom(const TextureSource& source, const TextureGe
   const TextureDrawing<Texel> drawing(source, geometry, options, target, team_);
   if (source.spent != nullptr) source.spent->texels = std::vector<std::uint8_t>();
   MakeImage();
-  const std::vector<std::vector<std::int32_t>> of_band =
-      texture_internal::TrianglesOfBands(TextureDrawing<Texel>::AllOf(geometry), target);
+  const std::vector<std::vector<std::int32_t>> of_band = texture_internal::TrianglesOfBands(geometry.triangles, target);
   const auto bands = std::ssize(of_band);
   const auto is_stopped = [stop] { return stop != nullptr && stop->load(std::memory_order_relaxed); };
   team_->ForEach(
@@ -422,8 +454,8 @@ absl::Status TextureBaker::DrawFrom(const TextureSource& source, const TextureGe
       [&](std::int64_t band) {
         if (is_stopped()) return;
         const int first = static_cast<int>(band) * kBandRows;
-        drawing.DrawBand(of_band[static_cast<std::size_t>(band)], first, std::min(target.height, first + kBandRows),
-                         &image_, &drawn_);
+        drawing.DrawBand(of_band[static_cast<std::size_t>(band)], owner_, first,
+                         std::min(target.height, first + kBandRows), &image_, &drawn_);
       },
       1);
   if (is_stopped()) return MakeError(absl::StatusCode::kCancelled, "CANCELLED", "interrupted");

@@ -63,9 +63,7 @@ struct TextureGeometry {
   std::span<const TextureTriangle> triangles;
   std::span<const CornerFrames> frames = {};  // for kNormal and kDirection
   std::span<const CornerColor> colors = {};   // the image is multiplied by them
-  // All triangles of the new image, if several sources are drawn into it; `triangles` is a part of this list. A texel
-  // between charts then belongs to the nearest of them all.
-  std::span<const TextureTriangle> all = {};
+  std::size_t first = 0;                      // index of the first of `triangles` in the list given to Claim()
 };
 
 // Draws sources into a new image, one after the other.
@@ -83,6 +81,11 @@ class TextureBaker {
  public:
   // Starts with an empty image. From the first Draw() on, takes header.bytes() of memory and a byte per texel.
   TextureBaker(const ImageHeader& header, ThreadTeam* team);
+
+  // For a new image of several sources: decides, before the first Draw(), which of all its triangles each texel belongs
+  // to, so that a texel between charts gets the nearest of them all. Each Draw() then takes as long as its own
+  // triangles are large. Takes 4 bytes of memory a texel until Finish().
+  void Claim(std::span<const TextureTriangle> all);
 
   // Takes 8 bytes per texel of the old image (16 if it has 16 bits), and a third more for mipmaps. CANCELLED once *stop
   // is true (null: never).
@@ -104,6 +107,7 @@ class TextureBaker {
   void MakeImage();
 
   TextureImage image_;
+  std::vector<std::int32_t> owner_;  // per texel: the triangle given to Claim() that it belongs to, -1: none
   std::vector<std::uint8_t> drawn_;  // per texel: 0 not drawn, 1 beside a triangle, 2 in a triangle
   ThreadTeam* team_;
 };

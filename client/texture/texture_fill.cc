@@ -92,6 +92,7 @@ void texture_internal::FillUndrawn(const std::vector<std::uint8_t>& drawn, Textu
 }
 
 TextureImage TextureBaker::Finish() {
+  owner_ = std::vector<std::int32_t>();
   MakeImage();  // no effect if something was drawn
   texture_internal::FillUndrawn(drawn_, &image_);
   drawn_.clear();

@@ -66,7 +66,9 @@ inline bool SetTarget(const TextureTriangle& triangle, const ImageHeader& header
 }
 
 struct BandTexels {
-  std::vector<std::int32_t> owner;  // index in the band's list of triangles; -1: none
+  explicit BandTexels(std::size_t count) : owner(count, -1), distance(count, static_cast<float>(kRing * kRing)) {}
+
+  std::vector<std::int32_t> owner;  // the number given to Claim(); -1: none
   std::vector<float> distance;      // squared distance to the owner
 };
 
@@ -83,10 +85,18 @@ inline Vec2 NearestOnBorder(const RasterTriangle& footprint, const Vec2& p) {
   return nearest;
 }
 
-// Makes triangle `id` the owner of the texels in it, and of those up to kRing beside it to which no triangle so far is
-// as near.
-inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
-  const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
+// How far `p` is beyond the edges of the triangle; 0 inside.
+inline double BeyondEdges(const RasterTriangle& footprint, const Vec2& p) {
+  double outside = 0;
+  for (const HalfPlane& edge : footprint.edge) outside = std::max(outside, edge.normal.dot(p) - edge.offset);
+  return outside;
+}
+
+// Calls visit(i, p) for all texels in the triangle or up to kRing beside it, and for some others: p is the texel's
+// middle, and i its number in a band with the rows [first_row, end_row), `width` texels wide.
+template <typename Visit>
+void ForEachTexelNear(const RasterTriangle& footprint, int first_row, int end_row, std::int64_t width,
+                      const Visit& visit) {
   const auto [top, bottom] = std::minmax({footprint.to[0].y(), footprint.to[1].y(), footprint.to[2].y()});
   const auto [left, right] = std::minmax({footprint.to[0].x(), footprint.to[1].x(), footprint.to[2].x()});
   const auto first = std::max<std::int64_t>(first_row, static_cast<std::int64_t>(std::floor(top - kRing - 0.5)));
@@ -108,18 +118,24 @@ inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_ro
     const auto x0 = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor(low - 0.5)));
     const auto x1 = std::min<std::int64_t>(width - 1, static_cast<std::int64_t>(std::ceil(high - 0.5)));
     for (std::int64_t x = x0; x <= x1; ++x) {
-      const auto i = static_cast<std::size_t>((y - first_row) * width + x);
-      if (texels->distance[i] <= 0) continue;
-      const Vec2 p(static_cast<double>(x) + 0.5, py);
-      double outside = 0;
-      for (const HalfPlane& edge : footprint.edge) outside = std::max(outside, edge.normal.dot(p) - edge.offset);
-      if (outside * outside >= texels->distance[i]) continue;
-      const auto distance = static_cast<float>(outside > 0 ? (NearestOnBorder(footprint, p) - p).squaredNorm() : 0.0);
-      if (distance >= texels->distance[i]) continue;
-      texels->distance[i] = distance;
-      texels->owner[i] = id;
+      visit(static_cast<std::size_t>((y - first_row) * width + x), Vec2(static_cast<double>(x) + 0.5, py));
     }
   }
+}
+
+// Makes triangle `id` the owner of the texels in it, and of those up to kRing beside it to which no triangle so far is
+// as near.
+inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
+  const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
+  ForEachTexelNear(footprint, first_row, end_row, width, [&](std::size_t i, const Vec2& p) {
+    if (texels->distance[i] <= 0) return;
+    const double outside = BeyondEdges(footprint, p);
+    if (outside * outside >= texels->distance[i]) return;
+    const auto distance = static_cast<float>(outside > 0 ? (NearestOnBorder(footprint, p) - p).squaredNorm() : 0.0);
+    if (distance >= texels->distance[i]) return;
+    texels->distance[i] = distance;
+    texels->owner[i] = id;
+  });
 }
 
 // Per band of kBandRows rows, the triangles that may own texels in it.

@@ -89,7 +89,8 @@ class Solid {
     }
   }
 
-  bool IsMet(const Point& origin, const Point& direction) const {
+  // Whether the ray meets a triangle within `most` times `direction`.
+  bool IsMet(const Point& origin, const Point& direction, float most = SolidBox::kFar) const {
     const Point inverse = {1 / direction[0], 1 / direction[1], 1 / direction[2]};
     std::array<std::size_t, 64> stack = {0};
     for (int top = 1; top > 0;) {
@@ -97,13 +98,14 @@ class Solid {
       if (node < leaves_ - 1) {
         for (const std::size_t child : {2 * node + 2, 2 * node + 1}) {
           stack[top] = child;
-          top += nodes_[child].IsMet(origin, inverse) ? 1 : 0;
+          top += nodes_[child].IsMet(origin, inverse, most) ? 1 : 0;
         }
         continue;
       }
       const std::size_t leaf = node - (leaves_ - 1), end = Begin(leaf + 1);
       for (std::size_t i = Begin(leaf); i < end; ++i) {
-        if (Meets(triangles_[i], origin, direction)) return true;
+        float t = 0, u = 0, v = 0;
+        if (Meets(triangles_[i], origin, direction, &t, &u, &v) && t <= most) return true;
       }
     }
     return false;
@@ -141,10 +143,6 @@ class Solid {
   std::size_t Begin(std::size_t leaf) const { return leaf * triangles_.size() / leaves_; }
 
   // Whether a ray meets a triangle (Moeller and Trumbore 1997).
-  static bool Meets(const std::array<Point, 3>& triangle, const Point& origin, const Point& direction) {
-    float t = 0, u = 0, v = 0;
-    return Meets(triangle, origin, direction, &t, &u, &v);
-  }
   static bool Meets(const std::array<Point, 3>& triangle, const Point& origin, const Point& direction, float* t_out,
                     float* u_out, float* v_out) {
     const Point one = triangle[1] - triangle[0], two = triangle[2] - triangle[0];

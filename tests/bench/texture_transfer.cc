@@ -64,7 +64,8 @@ int CompareLooks(int detail, int texels, int points) {
       const Difference reference = ReferenceDifference(before, after, points);
       std::snprintf(text, sizeof text, "%.2f | %.2f", reference.mean, reference.percentile99);
       other = text;
-      holds = difference.color.mean <= 1.1 * reference.mean;
+      holds = difference.color.mean <= 1.1 * reference.mean &&
+              difference.color.percentile99 <= 1.1 * reference.percentile99;
     }
     std::printf("| %s%s | %lld | %zu | %.2f | %.2f | %s | %s |\n", model.name.c_str(), holds ? "" : " **fails**",
                 static_cast<long long>(before.mesh.num_polygons()), model.materials.size(), difference.color.mean,

@@ -281,7 +281,7 @@ struct LoadedTexture {
         if (x > 1) x = 2 - x;
       }
     }
-    return Shown(image, uv);
+    return is_normal ? Shown(image, uv) : ShownColor(image, uv);
   }
 };
 
@@ -401,13 +401,6 @@ ModelDifference CompareLooks(const MeshFile& file, const LoadedModel& before, co
   return result;
 }
 
-double LinearOf(double srgb) {
-  return srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
-}
-double SrgbOf(double linear) {
-  return linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
-}
-
 // An image of the size of after's texture `t`.
 TextureImage ReferenceImage(const LoadedModel& before, const LoadedModel& after, std::size_t t) {
   const ImageHeader& header = after.textures[t].image.header;
@@ -458,10 +451,10 @@ TextureImage ReferenceImage(const LoadedModel& before, const LoadedModel& after,
       const Vec2 p(static_cast<double>(i % width) + (k % 8 + 0.5) / 8,
                    static_cast<double>(i / width) + (k / 8 + 0.5) / 8);
       const std::vector<double> shown = before.textures[old.texture].At(Blend(old.uv, frame.Weights(p)));
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += LinearOf(shown[c] / 255) / 64;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += LinearOfSrgb(shown[c] / 255) / 64;
     }
     for (std::size_t c = 0; c < 3; ++c) {
-      image.texels[3 * i + c] = static_cast<std::uint8_t>(std::lround(255 * SrgbOf(std::min(1.0, sum[c]))));
+      image.texels[3 * i + c] = static_cast<std::uint8_t>(std::lround(255 * SrgbOfLinear(std::min(1.0, sum[c]))));
     }
   }
   return Must(DecodeImage(Must(EncodeImage(image)), "reference"));
@@ -559,7 +552,7 @@ ProjectionDifference CompareWithScan(const MeshFile& projected, int points) {
     const Vec2 uv = Blend(model.looks[f].uv, w);
     const double cosine = NormalOf(model.looks[f], w, Shown(images[0], uv)).dot(BallNormal(p));
     result.normal_mean_degrees += std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / kPi / points;
-    const std::vector<double> rgb = Shown(images[1], uv);
+    const std::vector<double> rgb = ShownColor(images[1], uv);
     for (int c = 0; c < 3; ++c) {
       result.color_mean += std::abs(rgb[static_cast<std::size_t>(c)] - 255 * BallColor(p, c)) / 3 / points;
     }

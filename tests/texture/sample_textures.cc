@@ -1,6 +1,7 @@
 #include "tests/texture/sample_textures.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -75,15 +76,38 @@ TextureImage NoiseTexture(int width, int height, std::uint32_t seed) {
   return MakeTexture(width, height, 3, 8, [&](double, double, int) { return Uniform(&random); });
 }
 
-std::vector<double> Shown(const TextureImage& image, const Vec2& uv) {
+namespace {
+
+// `decoded`: of a value as the image has it.
+template <typename Decoded>
+std::vector<double> Bilinear(const TextureImage& image, const Vec2& uv, const Decoded& decoded) {
   const double x = uv.x() * image.header.width - 0.5, y = uv.y() * image.header.height - 0.5;
   const double fx = x - std::floor(x), fy = y - std::floor(y);
   const auto ix = static_cast<std::int64_t>(std::floor(x)), iy = static_cast<std::int64_t>(std::floor(y));
+  const auto at = [&](std::int64_t i, std::int64_t j, int c) { return decoded(ValueAt(image, i, j, c)); };
   std::vector<double> values;
   for (int c = 0; c < image.header.channels; ++c) {
-    values.push_back((1 - fy) * ((1 - fx) * ValueAt(image, ix, iy, c) + fx * ValueAt(image, ix + 1, iy, c)) +
-                     fy * ((1 - fx) * ValueAt(image, ix, iy + 1, c) + fx * ValueAt(image, ix + 1, iy + 1, c)));
+    values.push_back((1 - fy) * ((1 - fx) * at(ix, iy, c) + fx * at(ix + 1, iy, c)) +
+                     fy * ((1 - fx) * at(ix, iy + 1, c) + fx * at(ix + 1, iy + 1, c)));
   }
+  return values;
+}
+
+}  // namespace
+
+std::vector<double> Shown(const TextureImage& image, const Vec2& uv) {
+  return Bilinear(image, uv, [](double value) { return value; });
+}
+
+std::vector<double> ShownColor(const TextureImage& image, const Vec2& uv) {
+  static const std::array<double, 256> linear = [] {
+    std::array<double, 256> values;
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = LinearOfSrgb(static_cast<double>(i) / 255);
+    return values;
+  }();
+  std::vector<double> values =
+      Bilinear(image, uv, [](double value) { return linear[static_cast<std::size_t>(value)]; });
+  for (double& value : values) value = 255 * SrgbOfLinear(value);
   return values;
 }
 

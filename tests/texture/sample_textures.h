@@ -20,6 +20,9 @@ TextureImage NoiseTexture(int width, int height, std::uint32_t seed);
 
 // What a renderer shows at (u, v), v downwards: bilinear, wrapped round. 0 to 255, as the image has the values.
 std::vector<double> Shown(const TextureImage& image, const Vec2& uv);
+// The same of a texture of colours, three of 8 bits: interpolated in linear light, as glTF has it (Khronos' sample
+// TextureLinearInterpolationTest shows the difference), and encoded as sRGB again.
+std::vector<double> ShownColor(const TextureImage& image, const Vec2& uv);
 
 // A sheet of n x n squares over the whole old image; in the new map each row of squares is a chart of its own, turned
 // by an angle, at the same texels a length where both images have `side` texels and the new map is `shrink` times as

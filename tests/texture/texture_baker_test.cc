@@ -1,6 +1,9 @@
 #include "client/texture/texture_baker.h"
 
+#include <array>
 #include <cmath>
+#include <ctime>
+#include <vector>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -96,6 +99,43 @@ TEST(TextureBaker, ThreadsChangeNothing) {
   const std::vector<TextureTriangle> sheet = TurnedSheet(4, 0.7, 1);
   const TextureImage before = NoiseTexture(100, 60, 3);
   EXPECT_EQ(Bake(before, sheet, 300).texels, Bake(before, sheet, 300, {}, {}, 3).texels);
+}
+
+// 800 triangles of one colour each, as one source with colours of corners, and as 800 sources with factors.
+TEST(TextureBaker, ManySourcesTakeNoLongerThanTheirTriangles) {
+  constexpr int kSquares = 20, kSide = 400;
+  std::vector<TextureTriangle> triangles;
+  std::vector<CornerColor> colors;
+  for (int i = 0; i < 2 * kSquares * kSquares; ++i) {
+    const Vec2 low = Vec2(i / 2 % kSquares, i / 2 / kSquares) / kSquares;
+    const auto at = [&](double x, double y) { return Vec2(low + 0.93 * Vec2(x, y) / kSquares); };
+    TextureTriangle triangle;
+    triangle.to = i % 2 == 0 ? std::array{at(0, 0), at(1, 0), at(1, 1)} : std::array{at(0, 0), at(1, 1), at(0, 1)};
+    triangles.push_back(triangle);
+    const auto shade = [i](int period) { return static_cast<float>(i % period) / static_cast<float>(period); };
+    colors.insert(colors.end(), 3, CornerColor{shade(7), shade(31), shade(401), 1});
+  }
+  const TextureImage white = MakeTexture(1, 1, 3, 8, [](double, double, int) { return 1; });
+  TextureSource source;
+  source.image = &white;
+  ThreadTeam team(1);
+  const ImageHeader header = {ImageKind::kPng, kSide, kSide, 3, 8};
+  const auto seconds = [](std::clock_t begin) { return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC; };
+  std::clock_t begin = std::clock();
+  TextureBaker one(header, &team);
+  ASSERT_TRUE(one.Draw(source, {triangles, {}, colors}, {}).ok());
+  const double at_once = seconds(begin);
+  begin = std::clock();
+  TextureBaker many(header, &team);
+  many.Claim(triangles);
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    BakeOptions options;
+    options.factor = colors[3 * t];
+    ASSERT_TRUE(many.Draw(source, {{&triangles[t], 1}, {}, {}, t}, options).ok());
+  }
+  const double apart = seconds(begin);
+  EXPECT_LE(apart, 20 * at_once);
+  EXPECT_EQ(one.Finish().texels, many.Finish().texels);
 }
 
 TEST(TextureBaker, MinifiedContentIsAveraged) {

@@ -34,6 +34,7 @@ def transfer(
     allow_outside: bool = False,
     merge_materials: bool = False,
     bake: Sequence[str] = (),
+    occlusion_distance: Optional[float] = None,
     command: Optional[str] = None,
     timeout: Optional[float] = None,
 ) -> Dict[str, Any]:
@@ -43,7 +44,7 @@ def transfer(
     With ``project`` the surfaces need only lie close, like a scan and its decimated copy: ``output`` is ``target`` with what
     ``source`` shows as images. ``cage``: how far apart they may be, in percent of target's diagonal. ``bake``: which images,
     of ``"colors"``, ``"normals"``, ``"height"`` and ``"occlusion"``; by default the first two. Heights are a file beside
-    ``output``.
+    ``output``. ``occlusion_distance``: up to which distance ``source`` hides the sky from itself, in percent of its diagonal.
 
     Without it, ``bake=["colors"]`` paints the colours of vertices into an image of base colours. ``merge_materials``:
     materials of a glTF that differ only in images and factors become one; not with ``project``.
@@ -69,6 +70,8 @@ def transfer(
         call.append("--merge-materials")
     if bake:
         call.append("--bake=" + ",".join(bake))
+    if occlusion_distance is not None:
+        call.append(f"--occlusion-distance={occlusion_distance}")
     call += ["--", os.fspath(source), os.fspath(target)]
     try:
         done = subprocess.run(

@@ -64,6 +64,7 @@ class Transfer(unittest.TestCase):
             cage=5,
             texture_size=64,
             bake=["height", "occlusion"],
+            occlusion_distance=10,
         )
         self.assertEqual(report["baked"], ["occlusion", "height"])
         self.assertEqual(report["height"]["file"], str(self.path / "out_height.png"))
