@@ -37,6 +37,13 @@ class Segmentation {
   // the plane.
   static Segmentation Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
+  // Charts like those of `other`, the segmentation of a surface of about the same shape. Each face of `surface` gets
+  // the chart of face like[f] of `other`; if like[f] is -1, the chart of a neighbour. Chart i is like chart i of
+  // `other`, without pieces that are not connected with the largest. Slits run about where those of `other` run. Some
+  // charts may be empty, and pieces of `surface` without a counterpart become further charts.
+  static Segmentation Like(const Surface& surface, const Segmentation& other, std::vector<std::int32_t> like,
+                           const Execution& execution);
+
   const Gluing& gluing() const { return gluing_; }
   // Per face: its chart; -1 for faces that take no part.
   const std::vector<std::int32_t>& chart() const { return chart_; }

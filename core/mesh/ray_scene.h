@@ -65,6 +65,15 @@ struct SolidBox {
     return leave >= 0 && enter <= leave && enter <= most;
   }
 
+  float SquaredDistance(const Point& p) const {
+    float sum = 0;
+    for (int k = 0; k < 3; ++k) {
+      const float away = Greater(Greater(low[k] - p[k], p[k] - high[k]), 0);
+      sum += away * away;
+    }
+    return sum;
+  }
+
   static constexpr float kFar = std::numeric_limits<float>::max();
 };
 
@@ -131,6 +140,27 @@ class Solid {
         float t = 0, u = 0, v = 0;
         if (Meets(triangles_[i], origin, direction, &t, &u, &v) && t <= most) visit(i, t, u, v);
       }
+    }
+  }
+
+  // Calls visit(i, &reach) for every triangle i that may be within `reach` of a point. `visit` may make `reach`
+  // smaller.
+  template <typename Visit>
+  void ForEachNear(const Point& point, float reach, const Visit& visit) const {
+    std::array<std::pair<std::size_t, float>, 64> stack = {{{0, nodes_[0].SquaredDistance(point)}}};
+    for (int top = 1; top > 0;) {
+      const auto [node, squared] = stack[--top];
+      if (squared > reach * reach) continue;
+      if (node < leaves_ - 1) {
+        const std::size_t one = 2 * node + 1, other = 2 * node + 2;
+        const float to_one = nodes_[one].SquaredDistance(point), to_other = nodes_[other].SquaredDistance(point);
+        const bool is_one_first = to_one <= to_other;
+        stack[top++] = is_one_first ? std::pair(other, to_other) : std::pair(one, to_one);
+        stack[top++] = is_one_first ? std::pair(one, to_one) : std::pair(other, to_other);
+        continue;
+      }
+      const std::size_t leaf = node - (leaves_ - 1), end = Begin(leaf + 1);
+      for (std::size_t i = Begin(leaf); i < end; ++i) visit(i, &reach);
     }
   }
 

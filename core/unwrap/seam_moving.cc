@@ -39,6 +39,10 @@ void SeamSearch::EstimateMoved(std::size_t at, Moved* moved) {
   Measure(chart);
 }
 
+bool SeamSearch::IsNoWorse(const ChartEstimate& before, const ChartEstimate& after, std::int32_t i) const {
+  return IsToSplit(job_, charts_, i, before) && after.stretch <= std::max(before.stretch, job_.options.MaxStretch());
+}
+
 double SeamSearch::Keep(Moved* moved) {
   if (moved->parts.empty()) {
     Fail(moved->key, moved->chart, moved->other);
@@ -60,13 +64,14 @@ double SeamSearch::Keep(Moved* moved) {
     gain += moved->costs[k];
     move_left_ -= static_cast<double>(segmentation_.charts()[chart].size());
     gain -= CostOf(chart);
-    is_sound = MayBeSound(chart);
+    const bool is_mended = charts_.are_mended && IsNoWorse(moved->before[k].estimate, estimates_.of(chart), chart);
+    is_sound = is_mended || MayBeSound(chart);
     const bool is_last = k + 1 == moved->charts.size();
     if (!is_sound || (is_last && !(gain > kWorthIt))) break;
     gain += CostOf(chart);
     estimates_.Trace(chart);
     gain -= CostOf(chart);
-    is_sound = IsSound(chart);
+    is_sound = is_mended || IsSound(chart);
   }
   if (is_sound && gain > kWorthIt) {
     for (const std::int32_t k : moved->charts) ++version_[k];

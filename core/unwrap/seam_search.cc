@@ -36,13 +36,13 @@ absl::StatusOr<double> SeamSearch::Run() {
   }
   if (GoesOn()) estimates_.Update(unknown, job_.execution);
   const double faces = surface_.num_faces() + std::min<double>(surface_.num_faces(), tuning_.thorough_faces);
-  glue_left_ = tuning_.glue_estimates * faces;
-  dart_left_ = tuning_.dart_estimates * faces;
-  move_left_ = tuning_.move_estimates * faces;
+  glue_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.glue_estimates * faces;
+  dart_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.dart_estimates * faces;
+  move_left_ = charts_.search_work * tuning_.move_estimates * faces;
   all_left_ = glue_left_ + dart_left_ + move_left_;
   for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
-    double gain = Glue();
-    if (round_ == 0) {
+    double gain = charts_.are_mended ? 0 : Glue();
+    if (round_ == 0 && !charts_.are_mended) {
       const double of_darts = SewDarts();
       if (of_darts > 0) gain += of_darts + Glue();
     }

@@ -170,6 +170,8 @@ class SeamSearch {
   std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides);
   // Estimates moved->charts[at] as it is after the move.
   void EstimateMoved(std::size_t at, Moved* moved);
+  // Whether chart i was not sound before a move, and is not stretched more after it, unless within the limit.
+  bool IsNoWorse(const ChartEstimate& before, const ChartEstimate& after, std::int32_t i) const;
   static void MakeRoom(std::size_t estimates, Moved* moved) {
     moved->before.resize(estimates);
     moved->costs.resize(estimates);

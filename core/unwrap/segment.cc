@@ -101,8 +101,9 @@ constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.8
 
 // If less of the surface than kMostlyMirrored has a mirror image, or if the surface is small, charts are also made
 // without symmetry. Both sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost
-// without symmetry.
-constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5;
+// without symmetry. If the sides have different triangles (SegmentFolded()), it is at most kFoldedWorth times, and
+// large surfaces are compared only if the cost is more than that many times the cost for the folded mesh.
+constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5, kFoldedWorth = 1.1;
 constexpr std::int32_t kSmall = 2'000;  // faces: the second search takes little time
 
 // Where charts end at edges of more than two faces, joins other pairs of faces, and merges charts across them.
@@ -277,12 +278,15 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (by_seams) {
     PLANISH_ASSIGN_OR_RETURN(mirrored, SegmentMirrored(job, given, merging, &charts));
   }
-  const bool is_compared = mirrored < kMostlyMirrored || charts.surface->num_faces() <= kSmall;
+  const bool is_folded = charts.search_work < 1;
+  bool is_compared =
+      !job->is_folded && ((mirrored < kMostlyMirrored && !is_folded) || charts.surface->num_faces() <= kSmall);
   if (is_compared && !charts.surface->crowded_edges.empty()) {  // RejoinCharts() changes the surface
     mirrored = 0;
     charts.image.clear();
     charts.mirror.reset();
   }
+  charts.are_alike = mirrored > 0;
   if (mirrored == 0) segment(merging);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (!needles.empty()) {
@@ -308,16 +312,21 @@ absl::StatusOr<Charts> Segment(Job* job) {
       };
       PLANISH_ASSIGN_OR_RETURN(const double cost,
                                improve(job->execution.Part(kSegmentShare, kImproveShare), estimates.get()));
+      charts.cost = cost;
+      is_compared = is_compared || (is_folded && cost > kFoldedWorth * charts.folded_cost);
       if (mirrored > 0 && is_compared && !job->execution.IsStopRequested()) {
         Segmentation alike = *std::move(charts.segmentation);
+        charts.search_work = 1;
         segment(silent);
         if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
         auto other_estimates =
             std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning, job->execution);
         PLANISH_ASSIGN_OR_RETURN(const double other_cost, improve(silent, other_estimates.get()));
-        if (cost <= kMirrorWorth * other_cost) {
+        if (cost <= (is_folded ? kFoldedWorth : kMirrorWorth) * other_cost) {
           charts.segmentation.emplace(std::move(alike));
         } else {
+          charts.are_alike = false;
+          charts.cost = other_cost;
           estimates = std::move(other_estimates);
         }
       }

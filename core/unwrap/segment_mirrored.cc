@@ -13,7 +13,8 @@ absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Executi
     return 0;
   }
   std::optional<Mirror> mirror = FindMirror(job->mesh, seams.polygon, job->execution);
-  if (!mirror || job->execution.IsStopRequested()) return 0;
+  if (job->execution.IsStopRequested()) return 0;
+  if (!mirror) return SegmentFolded(job, seams, execution, charts);
   seams.polygon = mirror->polygon;
   seams.part.resize(job->mesh.faces.size(), 0);
   for (std::int32_t f = 0; f < std::ssize(seams.part); ++f) {

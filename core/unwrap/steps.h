@@ -50,6 +50,7 @@ struct Job {
   UnwrapProgress progress = {};
   std::vector<UnwrapWarning> warnings = {};
   UnwrapSeconds seconds = {};
+  bool is_folded = false;  // the mesh is one side of another mesh, and its mirror image (segment_folded.cc)
 
   // Announces a stage. CANCELLED after a cancellation.
   absl::Status Enter(UnwrapStage stage);
@@ -86,9 +87,15 @@ struct Charts {
   // one, and after the first cut.
   std::vector<std::int32_t> image;
   std::optional<Mirror> mirror;  // of the surface, as long as both sides are cut alike
-  std::vector<char> ignored;     // per face: has no area and is excluded from all promises; empty if no face is
-  double total_area = 0;         // of the surface
-  double drawn_area = 0;         // the same with `reduction`, which shrinks long needles to almost nothing
+  bool are_alike = false;        // Segment() has cut both sides alike, or nearly
+  // What ImproveSeams() may do: a share of its usual work, and whether it mends charts. It then glues none, and also
+  // moves seams of charts that are not sound.
+  double search_work = 1;
+  bool are_mended = false;
+  double cost = 0, folded_cost = 0;  // result of ImproveSeams(), and that for the folded mesh (SegmentFolded())
+  std::vector<char> ignored;         // per face: has no area and is excluded from all promises; empty if no face is
+  double total_area = 0;             // of the surface
+  double drawn_area = 0;             // the same with `reduction`, which shrinks long needles to almost nothing
   // Per atlas (AtlasOf()): the size of its content. If all atlases have one texel density, the largest content of any
   // atlas. The square root of the area is a length to compare the lengths of charts with.
   struct AtlasSize {
@@ -189,6 +196,12 @@ absl::StatusOr<double> ImproveSeams(Job* job, const SeamCost& cost, const Execut
 // mirror image. Returns 0 and changes nothing for other surfaces, or if seams are given. `seams`: the argument with
 // which `charts->surface` was made.
 absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Execution& execution, Charts* charts);
+
+// The same for a surface whose sides have about the same shape, but other triangles: makes charts of one side and its
+// mirror image (FoldNearlySymmetric()), and like charts of the whole surface (Segmentation::Like()). Sets
+// `segmentation` and `search_work`. Meshes of less than 500 faces are left alone. `seams`: as for SegmentMirrored(), but
+// without any given ones.
+absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Execution& execution, Charts* charts);
 
 // Measures the areas with which charts are compared: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);

@@ -11,6 +11,7 @@
 #include "core/base/interrupter.h"
 #include "core/charts/seam_cost.h"
 #include "core/mesh/half_edges.h"
+#include "core/mesh/near_symmetry.h"
 #include "core/mesh/symmetry.h"
 #include "core/mesh/visibility.h"
 #include "core/unwrap/seam_paths.h"
@@ -215,6 +216,72 @@ TEST(PreferSeams, CutsBothSidesAlike) {
     ASSERT_TRUE(result.quality.seam_symmetry.has_value());
     EXPECT_GE(*result.quality.seam_symmetry, 0.95);
   }
+}
+
+// A tube with bumps, symmetrical about x = 0, but with other vertices on one side: it is turned about its axis.
+Mesh NearlySymmetric() {
+  constexpr int kColumns = 90, kRows = 30;
+  Mesh mesh = testing::Torus(kColumns, kRows);
+  for (Vec3& p : mesh.positions) {
+    const double angle = std::atan2(p.y(), p.x()), turn = std::atan2(p.z(), std::hypot(p.x(), p.y()) - 2);
+    const double moved = turn + (p.x() > 0 ? 0.1 * p.x() : 0), x = 2 * std::cos(angle);
+    const double tube = 1 + 0.3 * std::cos(2 * x * x + 2 * moved) * std::cos(2.3 * std::sin(angle));
+    const double r = 2 + tube * std::cos(moved);
+    p = {r * std::cos(angle), r * std::sin(angle), tube * std::sin(moved)};
+    p.z() += 0.3 * p.y() + 0.2 * p.x() * p.x();  // no other planes
+  }
+  return mesh;
+}
+
+TEST(NearMirror, IsFoundWhereTrianglesDiffer) {
+  const Mesh mesh = NearlySymmetric();
+  EXPECT_FALSE(FindMirror(mesh, {}));
+  const std::optional<FoldedMesh> folded = FoldNearlySymmetric(mesh, {});
+  ASSERT_TRUE(folded);
+  const std::optional<Mirror> mirror = FindMirror(folded->mesh, folded->polygon);
+  ASSERT_TRUE(mirror);
+  EXPECT_GE(mirror->share, 0.999);
+  EXPECT_EQ(std::count(folded->like.begin(), folded->like.end(), -1), 0);
+  const auto half = static_cast<std::int32_t>(folded->mesh.num_faces() / 2);
+  std::int64_t on_its_side = 0;
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    const auto [a, b, c] = TriangleOf(mesh.positions, mesh.faces[f]);
+    on_its_side += (folded->like[f] < half) == (a.x() + b.x() + c.x() < 0) ? 1 : 0;
+  }
+  EXPECT_GE(on_its_side, 0.97 * static_cast<double>(mesh.num_faces()));
+  const Mesh other = testing::Patch(20, 20, [](double s, double t) { return Vec3(s, 0.6 * t, 1.5 * s * s * t); });
+  EXPECT_FALSE(FoldNearlySymmetric(other, {}));
+}
+
+// The share of the length of seams near whose mirror image there is a seam.
+double ShareAlike(const Mesh& mesh, const UnwrapResult& result) {
+  const Surface surface = MakeSurface(mesh, {}).value();
+  std::vector<std::pair<Vec3, double>> seams;  // middles and lengths of edges
+  for (std::int32_t c = 0; c < 3 * mesh.num_faces(); ++c) {
+    const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, c);
+    const std::int32_t across = surface.face_across(h);
+    if (across < 0 || result.face_chart[c / 3] >= result.face_chart[across]) continue;
+    const Vec3 &a = surface.mesh->point(surface.mesh->from_vertex_handle(h)),
+               &b = surface.mesh->point(surface.mesh->to_vertex_handle(h));
+    seams.emplace_back((a + b) / 2, (b - a).norm());
+  }
+  double all = 0, alike = 0;
+  for (const auto& [middle, length] : seams) {
+    all += length;
+    const Vec3 image(-middle.x(), middle.y(), middle.z());
+    const bool has_image =
+        std::any_of(seams.begin(), seams.end(), [&](const auto& other) { return (other.first - image).norm() < 0.25; });
+    alike += has_image ? length : 0;
+  }
+  return all > 0 ? alike / all : 1;
+}
+
+TEST(PreferSeams, CutsBothSidesAlikeWhereTrianglesDiffer) {
+  const Mesh mesh = NearlySymmetric();
+  UnwrapOptions options;
+  EXPECT_GE(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.95);
+  options.face_atlas.assign(mesh.faces.size(), 0);  // switches it off
+  EXPECT_LT(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.8) << "the test needs another mesh";
 }
 
 TEST(PreferSeams, CutsNoDiscThatStaysWithinTheLimit) {

@@ -1,0 +1,29 @@
+// Finds meshes whose two sides have about the same shape, but not the same triangles, as scans of faces have.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// One side of a mesh and its mirror image.
+struct FoldedMesh {
+  Mesh mesh;                          // symmetrical about the plane x = 0; faces f and f + num_faces() / 2 are images
+  std::vector<std::int32_t> polygon;  // per face of `mesh`
+  // Per face of the original mesh: a face of `mesh` that lies about there; -1 if there is none.
+  std::vector<std::int32_t> like;
+  double share = 0;  // of the area of the original that lies near its mirror image
+};
+
+// Looks for a plane for which 95 % of the area lies near its mirror image: within 1.5 % of the mesh's diagonal, with a
+// similar normal. Candidates are planes perpendicular to an axis, and to the principal axes, fitted to samples of the
+// surface. Cuts the mesh at the plane, and returns one side with its mirror image. `polygon` has the polygon of each
+// face (empty: every face is one). nullopt if there is no such plane, or after a cancellation. O(n log n).
+std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
+                                              const Execution& execution = {});
+
+}  // namespace planish
