@@ -131,6 +131,23 @@ TEST(ChartEstimates, AreNearTheSolvedMapsOfCurvedDiscs) {
   }
 }
 
+// A vertex next to the middle of an edge makes triangles with angles of about 1e-6 and pi.
+TEST(ChartEstimates, HoldOnNeedles) {
+  Mesh mesh = testing::PuncturedSphere(14, 0.3);
+  const double stretch = Estimated(mesh).whole().stretch;
+  EXPECT_GT(stretch, 1.05);
+  for (std::size_t f = 0, faces = mesh.faces.size(); f < faces; f += 5) {
+    const auto [a, b, c] = mesh.faces[f];
+    const Vec3 middle = (mesh.positions[a] + mesh.positions[b]) / 2;
+    const auto v = static_cast<std::int32_t>(mesh.positions.size());
+    mesh.positions.push_back(middle + 1e-6 * (mesh.positions[c] - middle));
+    mesh.faces[f] = {a, v, c};
+    mesh.faces.push_back({v, b, c});
+    mesh.faces.push_back({a, b, v});
+  }
+  EXPECT_NEAR(Estimated(mesh).whole().stretch, stretch, 0.02 * stretch);
+}
+
 TEST(ChartEstimates, ArePlacedWhereVerticesCoincide) {
   Mesh mesh = testing::Plane(9, 7, 0.2);
   mesh.positions[31] = mesh.positions[32];  // both inside

@@ -274,7 +274,9 @@ TEST(Surface, EndsWhereChartsMust) {
 
 TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
   const Surface surface = MakeSurface(testing::Torus(16, 12), {}).value();
-  Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.02, {});
+  AtlasTuning tuning;
+  tuning.widest_tip = tuning.seams_widest_tip;
+  Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.02, {}, tuning);
   const auto chart = segmentation.chart();
   std::vector<std::vector<HalfedgeHandle>> outlines;
   for (std::size_t i = 0; i < segmentation.charts().size(); ++i) {
@@ -282,25 +284,37 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
   }
   const std::vector<Segmentation::Joint> joints = segmentation.Joints(std::move(outlines));
   ASSERT_FALSE(joints.empty());
-  for (const auto& [one, other, stretch] : joints) {
-    EXPECT_LT(one, other);
-    for (const HalfedgeHandle h : stretch) {
-      EXPECT_EQ(chart[surface.mesh->face_handle(h).idx()], one);
-      EXPECT_EQ(chart[surface.face_across(h)], other);
+  for (const Segmentation::Joint& joint : joints) {
+    EXPECT_LT(joint.chart, joint.other);
+    for (const HalfedgeHandle h : joint.border) {
+      EXPECT_EQ(chart[surface.mesh->face_handle(h).idx()], joint.chart);
+      EXPECT_EQ(chart[surface.face_across(h)], joint.other);
     }
   }
-  int joined = 0;
+  int joined = 0, with_dart = 0;
   for (const Segmentation::Joint& joint : joints) {
-    const auto done = segmentation.Join(joint);
-    if (!done) continue;
-    ++joined;
-    EXPECT_TRUE(segmentation.charts()[joint.other].empty());
-    ExpectDisc(surface, segmentation.gluing(), segmentation.charts()[joint.chart]);
-    segmentation.UndoJoin(*done);
-    ExpectDiscs(surface, segmentation);
-    EXPECT_EQ(segmentation.chart(), chart);
+    for (const bool is_part : {false, true}) {
+      Segmentation::Joint glued = joint;
+      if (is_part && glued.border.size() < 2) continue;
+      glued.is_part = is_part;
+      if (is_part) glued.border.pop_back();
+      const auto done = segmentation.Join(glued);
+      if (!done) continue;
+      ++joined;
+      EXPECT_TRUE(segmentation.charts()[joint.other].empty());
+      ExpectDisc(surface, segmentation.gluing(), segmentation.charts()[joint.chart]);
+      if (is_part) {
+        ++with_dart;
+        EXPECT_TRUE(segmentation.gluing().IsOutline(joint.border.back()));
+        EXPECT_TRUE(segmentation.HasSlit(joint.chart));
+      }
+      segmentation.UndoJoin(*done);
+      ExpectDiscs(surface, segmentation);
+      EXPECT_EQ(segmentation.chart(), chart);
+    }
   }
-  EXPECT_GT(joined, 0);
+  EXPECT_GT(with_dart, 0);
+  EXPECT_GT(joined, with_dart);
   const auto is_kept = [&](const Segmentation::Joint& joint) { return segmentation.Join(joint).has_value(); };
   ASSERT_TRUE(std::any_of(joints.begin(), joints.end(), is_kept));
   const std::size_t before = segmentation.charts().size();
