@@ -316,7 +316,9 @@ std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vecto
   if (!scene) return std::nullopt;
   const Places places(mesh, *scene);
   if (!(places.area() > 0) || !std::isfinite(places.area())) return std::nullopt;
-  const auto [plane, share] = FindPlane(places, execution);
+  const FittedPlane found = FindPlane(places, execution);
+  const Plane& plane = found.plane;
+  const double share = found.share;
   if (share < kLeastNear || execution.IsCancelled()) return std::nullopt;
   // x along the normal of the plane, from the plane on.
   Vec3 y = plane.normal.cross(std::abs(plane.normal.x()) < 0.7 ? Vec3(Vec3::UnitX()) : Vec3(Vec3::UnitY()));
