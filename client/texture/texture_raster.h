@@ -123,8 +123,8 @@ void ForEachTexelNear(const RasterTriangle& footprint, int first_row, int end_ro
   }
 }
 
-// Makes triangle `id` the owner of the texels in it, and of those up to kRing beside it to which no triangle so far is
-// as near.
+// Makes triangle `id` the owner of the texels in it, and of texels up to kRing beside it that are nearer to it than to
+// their present owner.
 inline void Claim(const RasterTriangle& footprint, std::int32_t id, int first_row, int end_row, BandTexels* texels) {
   const auto width = static_cast<std::int64_t>(texels->owner.size()) / (end_row - first_row);
   ForEachTexelNear(footprint, first_row, end_row, width, [&](std::size_t i, const Vec2& p) {

@@ -1,4 +1,4 @@
-// Charts like those of another surface: Segmentation::Like().
+// Copies charts to a surface of about the same shape: Segmentation::Like().
 #include <algorithm>
 #include <map>
 #include <utility>
@@ -19,7 +19,7 @@ void ForEachNeighbour(const Surface& surface, std::int32_t f, const Visit& visit
   }
 }
 
-// Gives faces without a value that of the nearest face, and all faces of a polygon that of its first face.
+// Faces without a value get the value of the nearest face, and all faces of a polygon the value of its first face.
 void Fill(const Surface& surface, std::vector<std::int32_t>* like) {
   std::vector<std::int32_t> queue;
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {

@@ -37,9 +37,9 @@ class Segmentation {
   // the plane.
   static Segmentation Mirrored(const Surface& surface, const Segmentation& half, const Mirror& mirror);
 
-  // Charts like those of `other`, the segmentation of a surface of about the same shape. Each face of `surface` gets
-  // the chart of face like[f] of `other`; if like[f] is -1, the chart of a neighbour. Chart i is like chart i of
-  // `other`, without pieces that are not connected with the largest. Slits run about where those of `other` run. Some
+  // Copies the charts of `other`, the segmentation of a surface of about the same shape. Face f of `surface` gets the
+  // chart of face like[f] of `other`; if like[f] is -1, the chart of a neighbour. Chart i is like chart i of
+  // `other`, without pieces that are not connected with the largest. Slits run near the slits of `other`. Some
   // charts may be empty, and pieces of `surface` without a counterpart become further charts.
   static Segmentation Like(const Surface& surface, const Segmentation& other, std::vector<std::int32_t> like,
                            const Execution& execution);
@@ -87,8 +87,8 @@ class Segmentation {
     std::vector<std::int32_t> faces, other_faces;  // of the two charts before
   };
   // Joins two charts into one with the number `chart`; `other` is then empty. Returns nullopt, and changes nothing, if
-  // a vertex of the outline would open wider than AtlasTuning::Widest(). The joint must come from Joints(), or be a
-  // part of one that does, and the two charts must not have changed since.
+  // a vertex of the outline would open wider than AtlasTuning::Widest(). The joint, or the joint of
+  // which it is a part, must come from Joints(), and the two charts must not have changed since.
   std::optional<Joined> Join(const Joint& joint);
   // Undoes the last Join() of these two charts.
   void UndoJoin(const Joined& joined);

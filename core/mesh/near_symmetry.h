@@ -14,7 +14,7 @@ namespace planish {
 struct FoldedMesh {
   Mesh mesh;                          // symmetrical about the plane x = 0; faces f and f + num_faces() / 2 are images
   std::vector<std::int32_t> polygon;  // per face of `mesh`
-  // Per face of the original mesh: a face of `mesh` that lies about there; -1 if there is none.
+  // Per face of the original mesh: a face of `mesh` in about the same place, or -1.
   std::vector<std::int32_t> like;
   double share = 0;  // of the area of the original that lies near its mirror image
 };

@@ -55,14 +55,6 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   return crossing;
 }
 
-double AreaOf(const std::vector<Vec2>& polygon) {
-  double twice = 0;
-  for (std::size_t i = polygon.size() - 1, j = 0; j < polygon.size(); i = j++) {
-    twice += polygon[i].x() * polygon[j].y() - polygon[j].x() * polygon[i].y();
-  }
-  return std::abs(twice) / 2;
-}
-
 // The third corner of a counter-clockwise triangle with edges of these lengths, whose first corner is `from` and whose
 // second one lies in the direction of `to`. `from` if the result is not finite, as where the first two corners
 // coincide.
@@ -165,7 +157,7 @@ void ChartEstimates::Trace(std::int32_t chart) {
   if (!found.outline.empty()) return;
   found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, segmentation_.charts()[chart]));
   found.points = estimate_.Outline(found.outline);
-  found.waste = std::max(0.0, AreaOf(ConvexHull(found.points)) - AreaOf(found.points));
+  found.waste = std::max(0.0, AreaWithin(ConvexHull(found.points)) - std::abs(AreaWithin(found.points)));
   double length = 0;
   for (const HalfedgeHandle h : found.outline) length += gluing.surface().length(h);
   const auto [i, j] = FarthestCrossing(found.points, kCoincide * length);
