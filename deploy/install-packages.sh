@@ -25,7 +25,8 @@ test="
 
 # For tests/bench/run.sh: gnuplot draws its plots, and it compares planish with CGAL and Blender. If Blender is
 # installed, a test of tests/files also has it read the files that planish writes; its glTF importer needs numpy.
-bench="gnuplot-nox libcgal-dev blender imagemagick python3-numpy"
+# ImageMagick labels pictures in DejaVu Sans.
+bench="gnuplot-nox libcgal-dev blender imagemagick fonts-dejavu-core python3-numpy"
 
 # For the preset "clang" and deploy/each-source.sh.
 clang="clang-14"

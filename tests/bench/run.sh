@@ -34,6 +34,7 @@ set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 spot=$root/tests/data/spot_seam.obj
+font=DejaVu-Sans # of fonts-dejavu-core. ImageMagick's own default, Helvetica, is not free and often missing
 
 fail() {
   echo "run.sh: $*" >&2
@@ -65,6 +66,9 @@ esac
 
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
+# seams and mutations need no measuring program.
+[[ $bench == @(seams|mutations) ]] || grep -qE '^PLANISH_BUILD_BENCHMARKS:BOOL=(ON|TRUE|1)$' "$build/CMakeCache.txt" ||
+  fail "$build has no measuring programs. Run: cmake -B $build -DPLANISH_BUILD_BENCHMARKS=ON, or leave --build out"
 targets=(planish_bench)
 case $bench in atlas | service | report) targets+=(planish planishd) ;; esac
 [ "$bench" != seams ] || targets=(planish planishd)
@@ -524,8 +528,9 @@ oculus_hand 0 20"
   [ ${#rows[@]} -gt 0 ] || return 0
   montage "${rows[@]}" -tile 3x -geometry 640x320+4+4 "$work/rows.png"
   width=$(($(identify -format %w "$work/rows.png") / 3))
-  convert -size "${width}x50" -background white -fill black -pointsize 30 -gravity center label:"the artist's seams" \
-    label:"planish --prefer=texture --max-stretch=1.05" label:"planish" +append "$work/head.png"
+  convert -size "${width}x50" -background white -fill black -font "$font" -pointsize 28 -gravity center \
+    label:"the artist's seams" label:"planish --prefer=texture --max-stretch=1.05" label:"planish" +append \
+    "$work/head.png"
   convert "$work/head.png" "$work/rows.png" -append -resize 1200x -quality 80 "$out/seams.jpg"
   printf '\n![Some of the meshes: the artist'"'"'s seams, planish for the texture, planish](seams.jpg)\n' >>"$out/seams.md"
 }
@@ -566,8 +571,8 @@ over the pixels that the model covers, in dB. Smooth content must reach 36."
     "$tool" project || failed=1
     echo '```'
   } >"$out/textures.md"
-  (cd "$work" && montage -label '%t' {smooth_torus,smooth_box,smooth_pair,letters}.{before,after}.png -tile 4x \
-    -geometry 360x360+6+6 -quality 82 "$(realpath "$out")/textures.jpg")
+  (cd "$work" && montage -font "$font" -label '%t' {smooth_torus,smooth_box,smooth_pair,letters}.{before,after}.png \
+    -tile 4x -geometry 360x360+6+6 -quality 82 "$(realpath "$out")/textures.jpg")
   return $failed
 }
 
