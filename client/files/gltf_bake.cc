@@ -65,7 +65,7 @@ absl::Status CheckGltfTextures(const GltfMesh& gltf, const OutputOptions& option
   for (const GltfTextureUse& use : uses) {
     for (const GltfTextureSource& source : TextureSources(root, use.texture)) {
       if (!seen->insert(source.image).second) continue;
-      const std::string name = gltf.document.path + ": " + GltfImageName(root, source.image);
+      const std::string name = GltfImageTitle(gltf.document, source.image);
       const absl::StatusOr<std::string> bytes =
           GltfImageBytes(gltf.document, source.image, options.textures.allow_outside);
       if (!bytes.ok()) return WithTextureAdvice(bytes.status());
@@ -80,7 +80,7 @@ TextureBake BakeOfGltfTexture(const GltfMesh& gltf, const GltfTextureUse& use, s
   constexpr std::int64_t kNearestFilter = 9728;
   const Json& root = gltf.document.json;
   TextureBake bake;
-  bake.name = gltf.document.path + ": " + GltfImageName(root, image);
+  bake.name = GltfImageTitle(gltf.document, image);
   const auto [wrap_u, wrap_v] = TextureWraps(root, use.texture);
   bake.wrap_u = wrap_u;
   bake.wrap_v = wrap_v;

@@ -94,6 +94,18 @@ std::string GltfImageName(const Json& root, std::int64_t image_index) {
   return "image " + std::to_string(image_index);
 }
 
+std::string GltfImageTitle(const GltfDocument& document, std::int64_t image_index) {
+  const std::string name = GltfImageName(document.json, image_index);
+  const std::string title = document.path + ": " + name;
+  const Json* const image = Element(document.json, "images", image_index);
+  if (image == nullptr || image->contains("bufferView")) return title;
+  const auto uri = image->find("uri");
+  if (uri == image->end() || !uri->is_string() || IsDataUri(uri->get_ref<const std::string&>())) return title;
+  const absl::StatusOr<std::string> file = FileOfUri(document, "uri", uri->get<std::string>());
+  if (!file.ok()) return title;
+  return name == *uri ? document.path + ": " + *file : title + " (" + *file + ")";
+}
+
 std::vector<GltfTextureSource> TextureSources(const Json& root, std::int64_t texture_index) {
   std::vector<GltfTextureSource> sources;
   const Json* const texture = Element(root, "textures", texture_index);

@@ -66,5 +66,7 @@ absl::StatusOr<std::string> GltfImageBytes(const GltfDocument& document, std::in
 
 // The image's name, its file's name, or "image 3".
 std::string GltfImageName(const Json& root, std::int64_t image);
+// The image in an error: "model.gltf: wood (textures/wood.png)", with the file only where it has one.
+std::string GltfImageTitle(const GltfDocument& document, std::int64_t image);
 
 }  // namespace planish

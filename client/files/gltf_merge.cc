@@ -208,7 +208,8 @@ absl::StatusOr<double> GltfMerge::EstimateSide(double total_area) const {
         const std::int64_t source = TextureSources(root_, part.use->texture)[0].image;
         PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
                                  GltfImageBytes(gltf_.document, source, options_.textures.allow_outside));
-        PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, part.use->name));
+        PLANISH_ASSIGN_OR_RETURN(const ImageHeader header,
+                                 ReadImageHeader(bytes, GltfImageTitle(gltf_.document, source)));
         if (header.texels() > 1) {
           side = std::max(side, TextureSideOf(bake.triangles, bake.areas, header.width, header.height));
         }
@@ -227,7 +228,8 @@ absl::StatusOr<bool> GltfMerge::NeedsAlpha(const MergedGroup& group, const Plann
       const std::int64_t source = TextureSources(root_, part.use->texture)[0].image;
       PLANISH_ASSIGN_OR_RETURN(const std::string bytes,
                                GltfImageBytes(gltf_.document, source, options_.textures.allow_outside));
-      PLANISH_ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(bytes, part.use->name));
+      PLANISH_ASSIGN_OR_RETURN(const ImageHeader header,
+                               ReadImageHeader(bytes, GltfImageTitle(gltf_.document, source)));
       if (header.has_alpha()) return true;
     }
     for (const std::size_t m : part.members) {

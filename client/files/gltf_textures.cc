@@ -313,6 +313,8 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
     const absl::StatusOr<std::string> name = FileOfUri(gltf_.document, "", uri->get<std::string>());
     const std::string path = names->Next(name.ok() ? *name : "image", kind);
     image["uri"] = UriOfFileName(std::filesystem::path(path).filename().string());
+    // The old name may have said something else than the bytes, from which the kind is known.
+    if (image.contains("mimeType")) image["mimeType"] = MimeType(kind);
     image.erase("bufferView");
     written->files.push_back({path, std::move(bytes)});
     return;

@@ -137,9 +137,11 @@ class LooksReader {
     const auto known = color_images_.find(key);
     if (known != color_images_.end()) return known->second;
     PLANISH_ASSIGN_OR_RETURN(const std::string bytes, base_colors_.Image(color.image));
-    PLANISH_ASSIGN_OR_RETURN(color_images_[key], AddImage(bytes, file_.path + ": " + color.image_name,
-                                                          {nullptr, nullptr, color.wrap_u, color.wrap_v, color.nearest},
-                                                          &looks_.source.color_maps, &looks_.colors));
+    const std::string name =
+        file_.gltf ? GltfImageTitle(file_.gltf->document, color.image) : file_.path + ": " + color.image_name;
+    PLANISH_ASSIGN_OR_RETURN(color_images_[key],
+                             AddImage(bytes, name, {nullptr, nullptr, color.wrap_u, color.wrap_v, color.nearest},
+                                      &looks_.source.color_maps, &looks_.colors));
     return color_images_[key];
   }
   const BaseColor& BaseColorOf(std::int64_t material) const {
@@ -238,8 +240,8 @@ class LooksReader {
     PLANISH_ASSIGN_OR_RETURN(const std::string bytes, GltfImageBytes(document, image, options_.textures.allow_outside));
     const auto [wrap_u, wrap_v] = TextureWraps(document.json, use.texture);
     looks_.source.normal_scales.push_back(use.normal_scale);
-    return AddImage(bytes, file_.path + ": " + use.name, {nullptr, nullptr, wrap_u, wrap_v}, &looks_.source.normal_maps,
-                    &looks_.normals);
+    return AddImage(bytes, GltfImageTitle(document, image), {nullptr, nullptr, wrap_u, wrap_v},
+                    &looks_.source.normal_maps, &looks_.normals);
   }
 
   absl::Status ReadObjLooks() {

@@ -383,6 +383,28 @@ TEST(GltfTextures, WhatStandsInTheWayIsNamedBeforeThereIsAMap) {
   EXPECT_EQ(ErrorInfoOf(CheckOf(sheet.File(), {})).reason, "FILE_MALFORMED");
 }
 
+TEST(GltfTextures, AnErrorOfAnImageNamesItsFileToo) {
+  Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored);
+  PutFile(TemporaryPath("my wood.png"), "no image");
+  sheet.json["images"][0] = {{"uri", "my%20wood.png"}, {"name", "Oak"}};
+  EXPECT_THAT(std::string(CheckOf(sheet.File(), {}).message()), HasSubstr("in.glb: Oak (my wood.png): "));
+  sheet.json["images"][0].erase("name");
+  EXPECT_THAT(std::string(CheckOf(sheet.File(), {}).message()), HasSubstr("in.glb: my wood.png: "));
+}
+
+TEST(GltfTextures, ImagesWithAWrongEndingAreNamedAfterTheirBytes) {
+  TextureImage image = SmoothTexture(32, 32, 0.1, 1);
+  image.header.kind = ImageKind::kJpeg;
+  Sheet sheet(2, {image}, kColored);
+  PutFile(TemporaryPath("wood.png"), Png(image));
+  sheet.json["images"][0] = {{"uri", "wood.png"}, {"mimeType", "image/png"}};
+  const MeshFile file = sheet.File();
+  const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), {}, "out.gltf");
+  const Json& after = moved.file.gltf->document.json["images"][0];
+  EXPECT_EQ(after["uri"], "out_wood.jpg");
+  EXPECT_EQ(after["mimeType"], "image/jpeg");
+}
+
 TEST(GltfTextures, AMaterialThatLiesInTwoTilesIsRefused) {
   const MeshFile file = Sheet(2, {SmoothTexture(64, 64, 0.1, 1)}, kColored).File();
   OutputOptions options;
