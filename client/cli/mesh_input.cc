@@ -424,6 +424,7 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int read_t
     output.path = OutputPath(part, out, is_directory);
     output.texcoord = texcoord.value_or(read_texcoord);
     output.textures = TextureOptionsOf(textures);
+    output.fills_texcoords = textures.textures == Textures::kKeep;
     if (!names.insert(output.path).second) {
       throw unsupported("two of the files would both become " + output.path + "; give them different names");
     }

@@ -112,7 +112,7 @@ class GltfTextures {
 
 // Whether a material uses an image with TEXCOORD_`texcoord`.
 bool ReadsTexcoord(const GltfMesh& gltf, int texcoord);
-// The first set of UV that no primitive has, at most 7.
+// The first set of UV that no primitive has, at most 7; primitives may lack lower ones (OutputOptions::fills_texcoords).
 int FreeTexcoord(const GltfMesh& gltf);
 
 }  // namespace planish

@@ -118,6 +118,8 @@ class GltfUvWriter {
     const std::int64_t old_uv = attributes.contains(uv_name_) ? attributes[uv_name_].get<std::int64_t>() : -1;
     Json uv_shape = {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC2"}};
     const std::int64_t num_users = static_cast<std::int64_t>(users.size());
+    const std::vector<std::string> filled = MissingTexcoords(attributes);
+    if (!filled.empty()) filled_texcoords_ += num_users;
     // TEXCOORD first, so that it gets its old slot; then attributes that grow with the vertices.
     attributes[uv_name_] = pool.draco
                                ? patch_.ReplaceWithoutBytes(old_uv, num_users, uv_shape)
@@ -145,6 +147,12 @@ class GltfUvWriter {
       attributes[kTangent] = patch_.Replace(-1, num_users, shape, FloatBytes(tangents), 0, kArrayBuffer);
     }
 
+    if (!filled.empty()) {
+      const std::int64_t uses = num_users * std::ssize(filled);
+      const std::int64_t same = patch_.Replace(-1, uses, uv_shape, FloatBytes(split.uv), 0, kArrayBuffer);
+      for (const std::string& name : filled) attributes[name] = same;
+    }
+
     std::size_t corner = 0;
     for (const std::size_t user : users) {
       const GltfPrimitive& primitive = gltf_.primitives[user];
@@ -163,6 +171,16 @@ class GltfUvWriter {
       }
     }
     return absl::OkStatus();
+  }
+
+  // The sets of UV below the new one that a primitive lacks; none unless they are to be filled.
+  std::vector<std::string> MissingTexcoords(const Json& attributes) const {
+    std::vector<std::string> names;
+    for (int n = 0; n < options_.texcoord && options_.fills_texcoords; ++n) {
+      const std::string name = "TEXCOORD_" + std::to_string(n);
+      if (!attributes.contains(name)) names.push_back(name);
+    }
+    return names;
   }
 
   // Computes the tangents of the users' corners for the new UV, and splits vertices with several tangents. Returns four
@@ -393,6 +411,12 @@ class GltfUvWriter {
                               "the old UV in place with --output-texcoord=" +
                               std::to_string(FreeTexcoord(gltf_))});
     }
+    if (filled_texcoords_ > 0) {
+      warnings.push_back({"TEXCOORDS_FILLED", std::to_string(filled_texcoords_) +
+                                                  (filled_texcoords_ == 1 ? " primitive has" : " primitives have") +
+                                                  " the new UV as sets below " + uv_name_ +
+                                                  " too, which were missing: glTF numbers sets without gaps"});
+    }
     if (dropped_tangents_ > 0) {
       warnings.push_back({"TANGENTS_DROPPED", "the tangents of " + std::to_string(dropped_tangents_) +
                                                   (dropped_tangents_ == 1 ? " primitive" : " primitives") +
@@ -411,6 +435,7 @@ class GltfUvWriter {
   std::vector<std::array<float, 4>> tangents_;  // per corner of the file, for the new UV; empty if not requested
   std::map<std::int64_t, std::string> stale_;   // by material: the textures that no longer fit
   std::int64_t dropped_tangents_ = 0;           // number of primitives
+  std::int64_t filled_texcoords_ = 0;           // the same
 };
 
 }  // namespace

@@ -106,9 +106,11 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
   return result;
 }
 
-// OUTPUT_UNSUPPORTED unless the new set of UV directly follows or replaces one of the existing sets.
-absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
-  if (!IsGltf(file.format)) return absl::OkStatus();
+// OUTPUT_UNSUPPORTED unless the new set of UV directly follows or replaces one of the existing sets, or gaps are
+// filled.
+absl::Status CheckTexcoord(const MeshFile& file, const OutputOptions& options) {
+  if (!IsGltf(file.format) || options.fills_texcoords) return absl::OkStatus();
+  const int texcoord = options.texcoord;
   for (const GltfPrimitive& primitive : file.gltf->primitives) {
     const Json& attributes = PrimitiveJson(file.gltf->document.json, primitive)["attributes"];
     for (int n = 0; n < texcoord; ++n) {
@@ -116,8 +118,8 @@ absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
       if (attributes.contains(name)) continue;
       return Unsupported(file.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
                          std::to_string(primitive.primitive) + "] has no " + name + ", and glTF allows no TEXCOORD_" +
-                         std::to_string(texcoord) +
-                         " without it; make that one first, with --output-texcoord=" + std::to_string(n));
+                         std::to_string(texcoord) + " without it; make that one first, with --output-texcoord=" +
+                         std::to_string(n) + ", or give --textures=keep, which fills it with the new UV");
     }
   }
   return absl::OkStatus();
@@ -163,7 +165,7 @@ absl::Status CheckOutputUnguarded(const MeshFile& file, const OutputOptions& opt
     return ObjTextures(file, options).Check();
   }
   if (!IsGltf(options.format)) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(CheckTexcoord(file, options.texcoord));
+  PLANISH_RETURN_IF_ERROR(CheckTexcoord(file, options));
   if (!IsGltf(file.format) || options.textures.mode != TextureMode::kTransfer) return absl::OkStatus();
   return GltfTextures(*file.gltf, options).Check();
 }

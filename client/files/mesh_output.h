@@ -53,6 +53,9 @@ struct OutputOptions {
   std::string path;         // of the output file, to which references are relative; "-": stdout
   bool uv_is_float = true;  // false: the UV need double
   int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; may differ from the set that was read
+  // glTF numbers the sets of a primitive without gaps. Whether primitives that lack sets below `texcoord` get the new
+  // UV as these sets too; otherwise they are an error.
+  bool fills_texcoords = false;
   TextureOptions textures;
 };
 
@@ -66,10 +69,12 @@ struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
   // not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an image would have to
   // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. MATERIALS_MERGED:
-  // several materials became one. MATERIAL_NOT_MERGED: a material stays apart, being animated or part of variants.
+  // several materials became one. MATERIAL_NOT_MERGED: a material stays apart, being animated or part of variants, or
+  // no two materials could become one.
   // COLORS_BAKED: vertex colours are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex
-  // colours, or they could not be painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. POSITION_PRECISION:
-  // rounding to float moved vertices of a mesh far from the origin.
+  // colours, or they could not be painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. TEXCOORDS_FILLED:
+  // primitives got the new UV as other sets too. POSITION_PRECISION: rounding to float moved vertices of a mesh far
+  // from the origin.
   std::string reason;
   std::string message;  // a sentence for people
 };
@@ -84,7 +89,8 @@ bool IsFloatByNature(MeshFormat format);
 
 // Checks, before there are UV, whether WriteMeshWithUv() can write them. INVALID_ARGUMENT, OUTPUT_UNSUPPORTED: the
 // format cannot hold UV (STL) or does not go with the options, or a primitive lacks a TEXCOORD set below
-// options.texcoord. For TextureMode::kTransfer also the errors of images that cannot be read.
+// options.texcoord and !options.fills_texcoords. For TextureMode::kTransfer also the errors of images that cannot be
+// read.
 absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 
 // The side in texels that the atlas of a surface of `total_area` needs so that nine tenths of the area that each image

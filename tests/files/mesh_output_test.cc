@@ -5,13 +5,18 @@
 #include <set>
 
 #include "client/files/gltf_mesh.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/files/gltf_fixture.h"
 #include "tests/files/sample_meshes.h"
 
 namespace planish {
 namespace {
 
 namespace fs = std::filesystem;
+
+using ::testing::ElementsAre;
+using ::testing::Field;
 
 // Each polygon on its own, so that every edge is a seam; exact in float, and 1 - v as well.
 std::vector<double> PolygonUv(const PolygonMesh& mesh) {
@@ -139,6 +144,36 @@ TEST(Output, MaterialsAndGroupsGoFromObjToGltfAndBack) {
   EXPECT_EQ(back.mesh.material_names, obj.mesh.material_names);
   EXPECT_EQ(back.mesh.group_names, obj.mesh.group_names);
   EXPECT_EQ(back.mesh.polygon_material, glb.mesh.polygon_material);
+}
+
+// Primitives of a model have different numbers of sets: in the samples none, or one; the second sample has Draco.
+TEST(Output, SetsOfUvThatPrimitivesLackAreFilledOnRequest) {
+  for (const GltfFixture& fixture : {SampleGltf(), SampleDracoGltf()}) {
+    const auto read = [](const std::string& glb, int texcoord) {
+      return ReadMeshBytes("in.glb", MeshFormat::kGlb, glb, {texcoord}).value();
+    };
+    const MeshFile file = read(fixture.Glb(), 0);
+    const std::vector<double> uv = PolygonUv(file.mesh);
+    OutputOptions options;
+    options.path = TemporaryPath("filled.glb");
+    options.format = MeshFormat::kGlb;
+    options.texcoord = 2;
+    EXPECT_EQ(Reason(CheckOutput(file, options)), "OUTPUT_UNSUPPORTED");
+    options.fills_texcoords = true;
+    EXPECT_EQ(Reason(CheckOutput(file, options)), "");
+    const auto written = WriteMeshWithUv(file, uv, options);
+    ASSERT_TRUE(written.ok()) << written.status();
+    EXPECT_THAT(written->warnings, ElementsAre(Field(&OutputWarning::reason, "TEXCOORDS_FILLED")));
+    for (int n = 0; n <= 2; ++n) {
+      const MeshFile again = read(written->files.back().bytes, n);
+      std::vector<double> expected = uv;
+      const std::vector<double> old = n == 0 ? CornerUv(file.mesh) : std::vector<double>();
+      for (std::size_t i = 0; i < old.size(); ++i) {
+        if (old[i - i % 2] >= 0) expected[i] = old[i];
+      }
+      EXPECT_EQ(CornerUv(again.mesh), expected) << n;
+    }
+  }
 }
 
 // glTF has floats: nodes take the mesh to where it belongs. Draco has nothing of the kind.

@@ -471,6 +471,31 @@ TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
   EXPECT_EQ(ReadFile(TemporaryPath("in.mtl")), old_mtl) << "the original stays";
 }
 
+// glTF numbers sets of UV without gaps, and these primitives have two sets and one.
+TEST(PackCommand, KeepsTexturesOfPrimitivesWithDifferentNumbersOfSets) {
+  Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored);
+  Json more = Sheet::Primitive();
+  more["attributes"]["TEXCOORD_1"] = 2;
+  sheet.json["meshes"].push_back({{"primitives", Json::array({more})}});
+  const std::string in = TemporaryPath("in.glb"), out = TemporaryPath("out.glb");
+  PutFile(in, sheet.Bytes());
+  const Outcome done = RunShell(PLANISH_COMMAND " pack '" + in + "' -o '" + out + "' --textures=keep");
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_THAT(done.err, HasSubstr("TEXCOORDS_FILLED"));
+  const auto uv_of = [&out](int texcoord) {
+    const absl::StatusOr<MeshFile> file = ReadMeshFile(out, {texcoord});
+    EXPECT_TRUE(file.ok()) << file.status();
+    std::vector<Vec2> uv;
+    for (const std::int32_t id : file->mesh.corner_texcoord) uv.push_back(file->mesh.texcoords.at(id));
+    return uv;
+  };
+  const std::vector<Vec2> old = uv_of(0), second = uv_of(1), packed = uv_of(2);
+  const std::size_t half = old.size() / 2;
+  EXPECT_NE(packed, old);
+  EXPECT_TRUE(std::equal(packed.begin(), packed.begin() + half, second.begin())) << "filled";
+  EXPECT_TRUE(std::equal(old.begin() + half, old.end(), second.begin() + half)) << "was there";
+}
+
 TEST(TransferCommand, TakesTheMapOfAFileWhoseTrianglesAreInAnotherOrder) {
   const TextureImage image = SmoothTexture(128, 128, 0.1, 1);
   const Sheet sheet(4, {image}, kColored);
