@@ -22,7 +22,7 @@ constexpr char kVariantsOfMaterials[] = "KHR_materials_variants";
 constexpr char kSpecularGlossiness[] = "KHR_materials_pbrSpecularGlossiness";
 constexpr CornerColor kOnes = {1, 1, 1, 1};
 
-// A key that is equal for materials which can become one.
+// A key that is equal for materials which can become one: an array with a value for each of kPartsOfKind.
 Json KindOf(const Json& material, const std::vector<GltfTextureUse>& uses) {
   Json stripped = material;
   Json directions = Json::array();
@@ -31,11 +31,12 @@ Json KindOf(const Json& material, const std::vector<GltfTextureUse>& uses) {
     // A constant cannot replace a missing texture of directions, since it would be a direction of the old map.
     if (use.meaning == TextureMeaning::kDirection) directions.push_back(use.at.to_string());
   }
-  Json kind = {stripped.value("alphaMode", Json("OPAQUE")), stripped.value("doubleSided", Json(false)),
-               stripped.value("extensions", Json::object()), std::move(directions)};
-  if (kind[0] == "MASK") kind.push_back(stripped.value("alphaCutoff", Json(0.5)));
-  return kind;
+  const Json alpha_mode = stripped.value("alphaMode", Json("OPAQUE"));
+  return {alpha_mode, alpha_mode == "MASK" ? stripped.value("alphaCutoff", Json(0.5)) : Json(),
+          stripped.value("doubleSided", Json(false)), stripped.value("extensions", Json::object()),
+          std::move(directions)};
 }
+constexpr const char* kPartsOfKind[] = {"alpha mode", "alpha cutoff", "sides", "extensions", "anisotropy textures"};
 
 bool HasVariants(const Json& primitive) {
   const Json* const extensions = GltfObject(primitive, "extensions");
@@ -118,6 +119,7 @@ void GltfMerge::FindGroups() {
     std::map<std::int64_t, std::size_t> member_of_material;
   };
   std::map<std::string, Found> by_key;
+  Kinds kinds;
   std::vector<std::string> key_of(gltf_.primitives.size());
   for (std::size_t p = 0; p < gltf_.primitives.size(); ++p) {
     const GltfPrimitive& primitive = gltf_.primitives[p];
@@ -132,6 +134,7 @@ void GltfMerge::FindGroups() {
     if (is_alone && merges) left_alone_.insert(material);
     Json key = {atlases.empty() ? 0 : atlases[static_cast<std::size_t>(primitive.first_polygon)]};
     key.push_back(merges && !is_alone ? KindOf(member.json, member.uses) : Json(material));
+    if (!is_alone) kinds[material].insert(key);
     bakes_colors_[p] = CanBakeColors(p);
     key_of[p] = key.dump(-1, ' ', false, Json::error_handler_t::replace);
     auto& [group, member_of_material] = by_key[key_of[p]];
@@ -159,6 +162,34 @@ void GltfMerge::FindGroups() {
     }
     groups_.push_back(std::move(group));
   }
+  const bool has_merged =
+      std::any_of(groups_.begin(), groups_.end(), [](const MergedGroup& group) { return group.members.size() > 1; });
+  if (merges && !has_merged) NoteNothingMerged(kinds);
+}
+
+void GltfMerge::NoteNothingMerged(const Kinds& kinds) {
+  if (kinds.size() < 2) {
+    // Those left alone have warnings of their own.
+    if (!kinds.empty()) {
+      nothing_merged_because_ =
+          left_alone_.empty() ? "the triangles have one material" : "only one material is left that could be";
+    }
+    return;
+  }
+  std::set<Json> atlases;
+  std::vector<std::set<Json>> parts(std::size(kPartsOfKind));
+  for (const auto& [material, keys] : kinds) {
+    for (const Json& key : keys) {
+      atlases.insert(key[0]);
+      for (std::size_t i = 0; i < parts.size(); ++i) parts[i].insert(key[1][i]);
+    }
+  }
+  std::string differences;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (parts[i].size() > 1) differences += (differences.empty() ? "" : ", ") + std::string(kPartsOfKind[i]);
+  }
+  if (atlases.size() > 1) differences += std::string(differences.empty() ? "" : ", ") + "atlas";
+  nothing_merged_because_ = "the " + std::to_string(kinds.size()) + " materials differ in " + differences;
 }
 
 absl::Status GltfMerge::Check() const {
@@ -374,8 +405,6 @@ absl::Status GltfMerge::Write(const GltfOutput& output, std::size_t drawn, Textu
   for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"}) {
     ForgetExtension(&patch->json(), name);
   }
-  const std::vector<OutputWarning> warnings = Warnings();
-  written->warnings.insert(written->warnings.end(), warnings.begin(), warnings.end());
   return absl::OkStatus();
 }
 
@@ -393,12 +422,18 @@ std::vector<OutputWarning> GltfMerge::Warnings() const {
                             (IsAnimated(root_, material) ? " is animated" : " belongs to variants of the model") +
                             ", and stays a material of its own"});
   }
+  if (!nothing_merged_because_.empty()) {
+    warnings.push_back({"MATERIAL_NOT_MERGED", "no materials were merged: " + nothing_merged_because_});
+  }
   const auto painted = std::count(bakes_colors_.begin(), bakes_colors_.end(), true);
   if (painted > 0) {
     warnings.push_back({"COLORS_BAKED", "the vertex colours of " + std::to_string(painted) +
                                             (painted == 1 ? " primitive are" : " primitives are") +
                                             " in its image of base colours now; COLOR_0 is gone, as viewers would "
                                             "multiply them with the image"});
+  }
+  if (options_.textures.bake_colors && painted == 0 && unpainted_because_.empty()) {
+    warnings.push_back({"COLORS_NOT_BAKED", gltf_.document.path + " has no vertex colours"});
   }
   for (const std::string& why : unpainted_because_) {
     warnings.push_back({"COLORS_NOT_BAKED", "vertex colours stay where primitives " + why});

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -46,20 +47,25 @@ class GltfMerge {
 
   // The number of images that Write() draws.
   std::size_t num_images() const;
-  // Draws the images and edits the document. Appends image files and warnings to `written`. `drawn`: images that were
-  // drawn before, for TextureOptions::on_image.
+  // Draws the images and edits the document. Appends image files, and warnings of images, to `written`. `drawn`: images
+  // that were drawn before, for TextureOptions::on_image.
   absl::Status Write(const GltfOutput& output, std::size_t drawn, TextureFileNames* names, GltfPatch* patch,
                      WrittenMesh* written) const;
+  // Names the materials that were merged, those left alone, and why; the same for vertex colours.
+  std::vector<OutputWarning> Warnings() const;
 
  private:
+  // Maps a material to its keys, one for each atlas that it has triangles in: the atlas, and the result of KindOf().
+  using Kinds = std::map<std::int64_t, std::set<Json>>;
+
   void FindGroups();
+  void NoteNothingMerged(const Kinds& kinds);
   bool CanBakeColors(std::size_t primitive);
   absl::StatusOr<std::string> Draw(const GltfOutput& output, const MergedGroup& group, const PlannedImage& image,
                                    std::vector<OutputWarning>* warnings) const;
   absl::StatusOr<bool> NeedsAlpha(const MergedGroup& group, const PlannedImage& image) const;
   std::int64_t AddTexture(const PlannedImage& image, std::string bytes, TextureFileNames* names, GltfPatch* patch,
                           WrittenMesh* written) const;
-  std::vector<OutputWarning> Warnings() const;
 
   const GltfMesh& gltf_;
   const OutputOptions& options_;
@@ -69,6 +75,7 @@ class GltfMerge {
   std::vector<bool> bakes_colors_;
   std::vector<bool> needs_tangents_;
   std::set<std::int64_t> left_alone_;        // materials that are not merged
+  std::string nothing_merged_because_;       // empty where materials were merged, or were not to be
   std::set<std::string> unpainted_because_;  // why colours of vertices are not painted
 };
 

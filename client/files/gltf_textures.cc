@@ -353,6 +353,8 @@ absl::Status GltfTextures::Move(const std::vector<double>& uv, const std::vector
   if (!merge_.empty()) {
     PLANISH_RETURN_IF_ERROR(merge_.Write({gltf_, options_, uv, tangents}, readings_.size(), &names, patch, written));
   }
+  const std::vector<OutputWarning> warnings = merge_.Warnings();
+  written->warnings.insert(written->warnings.end(), warnings.begin(), warnings.end());
   ForgetExtension(&patch->json(), kTransform);
   return absl::OkStatus();
 }

@@ -204,6 +204,43 @@ TEST(MergedMaterials, FactorsArePaintedInAndOthersAreLeftAlone) {
   }
 }
 
+TEST(MergedMaterials, SayWhyNothingWasMerged) {
+  const MeshFile plain = RowGlb();
+  const auto messages = [&plain](const Json& json, std::vector<std::int32_t> atlases = {}) {
+    OutputOptions options;
+    options.path = "out.glb";
+    options.format = MeshFormat::kGlb;
+    options.textures.mode = TextureMode::kTransfer;
+    options.textures.merge_materials = true;
+    options.textures.polygon_atlas = std::move(atlases);
+    const MeshFile file = Reopened(json, plain.gltf->document.buffers[0]);
+    const absl::StatusOr<WrittenMesh> written = WriteMeshWithUv(file, RowUv(file), options);
+    EXPECT_TRUE(written.ok()) << written.status();
+    std::vector<std::string> all;
+    for (const OutputWarning& warning : written->warnings) all.push_back(warning.reason + ": " + warning.message);
+    return all;
+  };
+  const std::string prefix = "MATERIAL_NOT_MERGED: no materials were merged: ";
+  Json json = plain.gltf->document.json;
+  json["materials"][1]["alphaMode"] = "BLEND";
+  json["materials"][2]["doubleSided"] = true;
+  json["materials"][3]["extensions"]["KHR_materials_unlit"] = Json::object();
+  EXPECT_THAT(messages(json),
+              ::testing::ElementsAre(prefix + "the 4 materials differ in alpha mode, sides, extensions"));
+  for (Json& primitive : json["meshes"][0]["primitives"]) primitive["material"] = 0;
+  EXPECT_THAT(messages(json), ::testing::ElementsAre(prefix + "the triangles have one material"));
+  json = plain.gltf->document.json;
+  EXPECT_THAT(messages(json, {0, 0, 1, 1, 2, 2, 3, 3}),
+              ::testing::ElementsAre(prefix + "the 4 materials differ in atlas"));
+  // All in variants, and none of them merged.
+  for (int p = 0; p < kQuads; ++p) {
+    json["meshes"][0]["primitives"][p]["extensions"]["KHR_materials_variants"]["mappings"] = Json::array();
+  }
+  EXPECT_THAT(messages(json), SizeIs(kQuads));
+  json["meshes"][0]["primitives"][0].erase("extensions");
+  EXPECT_THAT(messages(json), Contains(prefix + "only one material is left that could be"));
+}
+
 TEST(MergedMaterials, StrengthsAndScalesArePaintedWhereTheyDiffer) {
   const MeshFile plain = RowGlb();
   Json json = plain.gltf->document.json;
@@ -424,6 +461,7 @@ TEST(VertexColors, WhatCannotBePaintedIsRefusedOrSaid) {
   EXPECT_EQ(reason(row, "out.glb", true), "OUTPUT_UNSUPPORTED");
   EXPECT_EQ(reason(RowGlb(), "out.obj", true), "OUTPUT_UNSUPPORTED");
   EXPECT_THAT(Paint(row, false, true, "out.ply").reasons, ::testing::ElementsAre("COLORS_NOT_BAKED"));
+  EXPECT_THAT(Paint(RowGlb(), false, true).reasons, ::testing::ElementsAre("COLORS_NOT_BAKED"));
 }
 
 TEST(VertexColors, ThatAreNoNumbersAndMaterialsThatAreNoneCostNoCrash) {
