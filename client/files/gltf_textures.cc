@@ -39,6 +39,18 @@ bool ReadsTexcoord(const GltfMesh& gltf, int texcoord) {
   return false;
 }
 
+std::vector<std::string> ImagesShown(const GltfMesh& gltf) {
+  std::vector<std::string> names;
+  for (const GltfPrimitive& primitive : gltf.primitives) {
+    const std::int64_t material = GltfIntAt(PrimitiveJson(gltf.document.json, primitive), "material", -1);
+    for (const GltfTextureUse& use : TextureUses(gltf.document.json, material)) {
+      if (TextureSources(gltf.document.json, use.texture).empty()) continue;
+      if (std::find(names.begin(), names.end(), use.name) == names.end()) names.push_back(use.name);
+    }
+  }
+  return names;
+}
+
 int FreeTexcoord(const GltfMesh& gltf) {
   int free = 0;
   for (const GltfPrimitive& primitive : gltf.primitives) {
@@ -313,7 +325,7 @@ void GltfTextures::PutImage(std::size_t slot, const Reading& reading, std::strin
     const absl::StatusOr<std::string> name = FileOfUri(gltf_.document, "", uri->get<std::string>());
     const std::string path = names->Next(name.ok() ? *name : "image", kind);
     image["uri"] = UriOfFileName(std::filesystem::path(path).filename().string());
-    // The old name may have said something else than the bytes, from which the kind is known.
+    // The old mimeType may be wrong, as the kind was found in the bytes.
     if (image.contains("mimeType")) image["mimeType"] = MimeType(kind);
     image.erase("bufferView");
     written->files.push_back({path, std::move(bytes)});

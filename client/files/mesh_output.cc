@@ -1,5 +1,6 @@
 #include "client/files/mesh_output.h"
 
+#include <algorithm>
 #include <new>
 #include <optional>
 #include <stdexcept>
@@ -57,6 +58,24 @@ absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPoly
   return result;
 }
 
+// Warns if a conversion to another format leaves images out. Nobody needs the warning who asked for it (kDrop).
+void WarnOfLeftImages(const MeshFile& file, const OutputOptions& options, std::vector<OutputWarning>* warnings) {
+  constexpr std::size_t kMostNamed = 8;
+  const bool is_own = file.format == options.format || (IsGltf(file.format) && IsGltf(options.format));
+  if (is_own || options.textures.mode == TextureMode::kDrop) return;
+  std::vector<std::string> images;
+  if (file.gltf) images = ImagesShown(*file.gltf);
+  if (file.format == MeshFormat::kObj) images = ObjTextures(file, options).Files();
+  if (images.empty()) return;
+  std::string names;
+  for (std::size_t i = 0; i < std::min(images.size(), kMostNamed); ++i) names += (i == 0 ? "" : ", ") + images[i];
+  if (images.size() > kMostNamed) names += " and " + std::to_string(images.size() - kMostNamed) + " more";
+  warnings->push_back({"TEXTURE_DROPPED", std::string("a conversion from ") + (file.gltf ? "glTF" : "OBJ") +
+                                              " to another format leaves out images (" + names +
+                                              "), and keeps at most the names of materials; write " +
+                                              (file.gltf ? ".glb or .gltf" : ".obj") + " to keep them"});
+}
+
 // Writes the mesh in the format of the output. `base_color`: as for PlainGltf().
 absl::StatusOr<WrittenMesh> WriteAs(const MeshFile& file, const WrittenPolygons& written, const OutputOptions& options,
                                     const std::string& base_color) {
@@ -97,9 +116,12 @@ absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const PolygonUv& polygon
                          std::to_string(mesh.corner_vertex.size()));
   }
   const WrittenPolygons written = {mesh, uv, polygon_uv.torn};
-  if (!PaintsColors(file, options)) return WriteAs(file, written, options, "");
   std::vector<OutputWarning> warnings;
-  PLANISH_ASSIGN_OR_RETURN(std::string png, PaintColors(file, written, options, &warnings));
+  WarnOfLeftImages(file, options, &warnings);
+  std::string png;
+  if (PaintsColors(file, options)) {
+    PLANISH_ASSIGN_OR_RETURN(png, PaintColors(file, written, options, &warnings));
+  }
   PLANISH_ASSIGN_OR_RETURN(WrittenMesh result, WriteAs(file, written, options, png));
   if (!png.empty() && !IsGltf(options.format)) AddPaintedImage(file, options, std::move(png), &result);
   result.warnings.insert(result.warnings.end(), warnings.begin(), warnings.end());

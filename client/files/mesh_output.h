@@ -67,14 +67,13 @@ struct OutputFile {
 // A problem of a file that was written nevertheless.
 struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
-  // not fit the new ones. TEXTURE_DROPPED: references to such images were removed. TEXTURE_SIZE: an image would have to
-  // be larger to keep its texel density. MATERIAL_CLONED: a material was copied for each atlas. MATERIALS_MERGED:
-  // several materials became one. MATERIAL_NOT_MERGED: a material stays apart, being animated or part of variants, or
-  // no two materials could become one.
-  // COLORS_BAKED: vertex colours are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex
-  // colours, or they could not be painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. TEXCOORDS_FILLED:
-  // primitives got the new UV as other sets too. POSITION_PRECISION: rounding to float moved vertices of a mesh far
-  // from the origin.
+  // not fit the new ones. TEXTURE_DROPPED: references to such images were removed, or the conversion to another format
+  // left images out. TEXTURE_SIZE: an image would have to be larger to keep its texel density. MATERIAL_CLONED: a
+  // material was copied for each atlas. MATERIALS_MERGED: several materials became one. MATERIAL_NOT_MERGED: a material
+  // stays apart, being animated or part of variants, or no two materials could become one. COLORS_BAKED: vertex colours
+  // are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex colours, or they could not be
+  // painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. TEXCOORDS_FILLED: primitives got the new UV as
+  // other sets too. POSITION_PRECISION: rounding to float moved vertices of a mesh far from the origin.
   std::string reason;
   std::string message;  // a sentence for people
 };

@@ -403,6 +403,14 @@ void ObjTextures::Drop(ObjMaterialEdit* edit, WrittenMesh* written) {
   }
 }
 
+std::vector<std::string> ObjTextures::Files() const {
+  std::vector<std::string> files;
+  for (const Reading& reading : readings_) {
+    if (std::find(files.begin(), files.end(), reading.file) == files.end()) files.push_back(reading.file);
+  }
+  return files;
+}
+
 void ObjTextures::Warn(std::vector<OutputWarning>* warnings) const {
   for (const Group& group : groups_) {
     std::string names;

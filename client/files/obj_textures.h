@@ -35,6 +35,8 @@ class ObjTextures {
   void Drop(ObjMaterialEdit* edit, WrittenMesh* written);
   // Warns of images that no longer fit.
   void Warn(std::vector<OutputWarning>* warnings) const;
+  // The paths of the images, relative to the folder of the model.
+  std::vector<std::string> Files() const;
 
  private:
   struct Library {

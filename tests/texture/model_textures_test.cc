@@ -383,6 +383,16 @@ TEST(GltfTextures, WhatStandsInTheWayIsNamedBeforeThereIsAMap) {
   EXPECT_EQ(ErrorInfoOf(CheckOf(sheet.File(), {})).reason, "FILE_MALFORMED");
 }
 
+TEST(GltfTextures, AConversionNamesTheImagesThatItLeavesOut) {
+  const MeshFile file = Sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored).File();
+  for (const char* name : {"out.obj", "out.ply", "out.off", "out.drc"}) {
+    const Moved moved = Move(file, Turned(file.mesh, 2, 0.2, 0.6), {}, name);
+    ASSERT_THAT(moved.warnings, SizeIs(1)) << name;
+    EXPECT_EQ(moved.warnings[0].reason, "TEXTURE_DROPPED");
+    EXPECT_THAT(moved.warnings[0].message, ::testing::AllOf(HasSubstr("(image 0)"), HasSubstr("write .glb or .gltf")));
+  }
+}
+
 TEST(GltfTextures, AnErrorOfAnImageNamesItsFileToo) {
   Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored);
   PutFile(TemporaryPath("my wood.png"), "no image");
@@ -469,6 +479,15 @@ TEST(ObjTextures, MaterialFilesAndTheirImagesFollow) {
   const Difference difference = Compare(image, *after, triangles, 5000);
   EXPECT_LE(difference.mean, 2.5);
   EXPECT_EQ(ReadFile(TemporaryPath("in.mtl")), old_mtl) << "the original stays";
+
+  const Moved converted = Move(*file, uv, {}, "out.glb");
+  ASSERT_THAT(converted.warnings, SizeIs(1));
+  EXPECT_EQ(converted.warnings[0].reason, "TEXTURE_DROPPED");
+  EXPECT_THAT(converted.warnings[0].message,
+              ::testing::AllOf(HasSubstr("from OBJ"), HasSubstr("(my wood.png)"), HasSubstr("write .obj")));
+  TextureOptions drop;
+  drop.mode = TextureMode::kDrop;
+  EXPECT_THAT(Move(*file, uv, drop, "out.glb").warnings, SizeIs(0)) << "asked for";
 }
 
 // glTF numbers sets of UV without gaps, and these primitives have two sets and one.
