@@ -53,10 +53,10 @@ struct OutputOptions {
   std::string path;         // of the output file, to which references are relative; "-": stdout
   bool uv_is_float = true;  // false: the UV need double
   int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; may differ from the set that was read
+  TextureOptions textures;
   // glTF numbers the sets of a primitive without gaps. Whether primitives that lack sets below `texcoord` get the new
   // UV as these sets too; otherwise they are an error.
   bool fills_texcoords = false;
-  TextureOptions textures;
 };
 
 struct OutputFile {
