@@ -566,7 +566,7 @@ over the pixels that the model covers, in dB. Smooth content must reach 36."
     echo "A mesh of 100,000 triangles with four images of $side x $side: CPU seconds, and the most memory of the process."
     echo
     echo '```'
-    "$tool" cost "$work/four.glb" || failed=1
+    "$tool" cost "$work/four.glb" || [ -n "$quick" ] || failed=1 # its limits are for the full size
     echo
     "$tool" project || failed=1
     echo '```'
