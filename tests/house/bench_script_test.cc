@@ -16,8 +16,7 @@ TEST(BenchScript, AFolderWithoutMeasuringProgramsIsNamedWithTheSwitch) {
   const std::string build = ::testing::TempDir() + "/planish_bench_script";
   std::filesystem::create_directories(build);
   PutFile(build + "/CMakeCache.txt", "PLANISH_BUILD_BENCHMARKS:BOOL=OFF\n");
-  const Outcome run =
-      RunShell("'" PLANISH_SOURCE_TREE "/tests/bench/run.sh' textures --quick --build '" + build + "'");
+  const Outcome run = RunShell("'" PLANISH_SOURCE_TREE "/tests/bench/run.sh' textures --quick --build '" + build + "'");
   EXPECT_EQ(run.exit_code, 2);
   EXPECT_THAT(run.err, HasSubstr("cmake -B " + build + " -DPLANISH_BUILD_BENCHMARKS=ON"));
 }
