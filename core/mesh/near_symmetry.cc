@@ -8,7 +8,9 @@
 
 #include "Eigen/Eigenvalues"
 #include "Eigen/Geometry"
+#include "core/base/radix_sort.h"
 #include "core/mesh/ray_scene.h"
+#include "meshoptimizer.h"
 
 namespace planish {
 namespace {
@@ -89,26 +91,28 @@ class Places {
     return samples;
   }
 
-  // The place nearest to a point among those whose normal has this cosine with `normal` and whose triangle `is_used`.
-  template <class IsUsed>
+  // The place nearest to a point among those whose normal has this cosine with `normal`. The search is faster with a
+  // `guess`, a place that may be near.
   std::optional<Place> Nearest(const Vec3& p, const Vec3& normal, double reach, double cosine,
-                               const IsUsed& is_used) const {
+                               const std::optional<Place>& guess = {}) const {
     std::optional<Place> nearest;
     double least = reach * reach;
-    const rays::Point point = {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
-    scene_.solid->ForEachNear(point, static_cast<float>(reach), [&](std::size_t i, float* left) {
-      if (!(normal_[i].dot(normal) >= cosine) || !is_used(i)) return;
+    const auto look = [&](std::size_t i) {
+      if (!(normal_[i].dot(normal) >= cosine)) return false;
       const Vec3 at = NearestOf(scene_.solid->triangle(i), p);
       const double squared = (at - p).squaredNorm();
-      if (!(squared < least || (nearest && squared == least && i < nearest->triangle))) return;
+      if (!(squared < least || (nearest && squared == least && i < nearest->triangle))) return false;
       least = squared;
       nearest = {i, at, normal_[i]};
-      *left = static_cast<float>(std::sqrt(squared));
+      return true;
+    };
+    if (guess) look(guess->triangle);
+    const rays::Point point = {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
+    scene_.solid->ForEachNear(point, static_cast<float>(std::sqrt(least)), [&](std::size_t i, float* left) {
+      if (look(i)) *left = static_cast<float>(std::sqrt(least));
     });
     return nearest;
   }
-
-  const Vec3& normal(std::size_t i) const { return normal_[i]; }
 
  private:
   const RayScene& scene_;
@@ -126,7 +130,6 @@ struct FittedPlane {
 // share of 0, if they do not come near.
 FittedPlane Fit(const Places& places, const std::vector<Places::Place>& samples, int fits, Plane plane) {
   constexpr double kLeastOfAll = 0.5;  // of the samples, for a plane that is looked at further
-  const auto all = [](std::size_t) { return true; };
   for (int fit = 0; fit < fits; ++fit) {
     struct TwoPlaces {
       double distance;
@@ -137,7 +140,7 @@ FittedPlane Fit(const Places& places, const std::vector<Places::Place>& samples,
     for (std::size_t k = 0; k < samples.size(); ++k) {
       const Vec3 image = plane.Image(samples[k].at);
       const auto nearest =
-          places.Nearest(image, plane.ImageOfDirection(samples[k].normal), kFarthestPair, kAnyCosine, all);
+          places.Nearest(image, plane.ImageOfDirection(samples[k].normal), kFarthestPair, kAnyCosine);
       if (nearest) pairs.push_back({(nearest->at - image).norm(), k, nearest->at});
     }
     if (static_cast<double>(pairs.size()) < kLeastOfAll * static_cast<double>(samples.size())) return {};
@@ -168,7 +171,7 @@ FittedPlane Fit(const Places& places, const std::vector<Places::Place>& samples,
   std::size_t near = 0;
   for (const Places::Place& sample : samples) {
     near +=
-        places.Nearest(plane.Image(sample.at), plane.ImageOfDirection(sample.normal), kNear, kNearCosine, all) ? 1 : 0;
+        places.Nearest(plane.Image(sample.at), plane.ImageOfDirection(sample.normal), kNear, kNearCosine) ? 1 : 0;
   }
   return {plane, static_cast<double>(near) / static_cast<double>(samples.size())};
 }
@@ -203,30 +206,26 @@ FittedPlane FindPlane(const Places& places, const Execution& execution) {
   return best.share < kWorthFitting ? best : Fit(places, samples, kFits, best.plane);
 }
 
-// Cuts a mesh at a plane, and adds the mirror image of one side.
-class Folder {
+// Cuts a mesh at a plane.
+class Cutter {
  public:
   // `x`: per vertex, its distance from the plane. The side of negative x stays.
-  Folder(const Mesh& mesh, const std::vector<std::int32_t>& polygon, std::vector<Vec3> positions)
+  Cutter(const Mesh& mesh, const std::vector<std::int32_t>& polygon, std::vector<Vec3> positions)
       : mesh_(mesh), polygon_(polygon), positions_(std::move(positions)), number_(positions_.size(), -1) {
     Snap();
   }
 
-  // Sets `piece`: per face of the mesh, its first piece on the side that stays, or -1.
-  FoldedMesh Run(std::vector<std::int32_t>* piece) {
-    piece->assign(mesh_.faces.size(), -1);
+  // Sets `polygon`: per face of the result, the polygon of the face that it is a part of.
+  Mesh Run(std::vector<std::int32_t>* polygon) {
     for (std::int32_t f = 0; f < mesh_.num_faces(); ++f) {
       if (!mesh_.IsInRange(mesh_.faces[f])) continue;
       const std::vector<std::int32_t> corners = Clip(mesh_.faces[f]);
-      if (corners.size() < 3) continue;
-      (*piece)[f] = static_cast<std::int32_t>(folded_.mesh.faces.size());
       for (std::size_t k = 1; k + 1 < corners.size(); ++k) {
-        folded_.mesh.faces.push_back({corners[0], corners[k], corners[k + 1]});
-        folded_.polygon.push_back(polygon_.empty() ? f : polygon_[f]);
+        side_.faces.push_back({corners[0], corners[k], corners[k + 1]});
+        polygon->push_back(polygon_.empty() ? f : polygon_[f]);
       }
     }
-    Mirror();
-    return std::move(folded_);
+    return std::move(side_);
   }
 
  private:
@@ -250,8 +249,8 @@ class Folder {
   }
 
   std::int32_t Add(const Vec3& p) {
-    folded_.mesh.positions.push_back(p);
-    return static_cast<std::int32_t>(folded_.mesh.positions.size()) - 1;
+    side_.positions.push_back(p);
+    return static_cast<std::int32_t>(side_.positions.size()) - 1;
   }
   std::int32_t Number(std::int32_t v) {
     if (number_[v] < 0) number_[v] = Add(positions_[v]);
@@ -279,36 +278,63 @@ class Folder {
     return corners;
   }
 
-  void Mirror() {
-    std::vector<Vec3>& positions = folded_.mesh.positions;
-    std::vector<Face>& faces = folded_.mesh.faces;
-    const auto vertices = static_cast<std::int32_t>(positions.size()), half = static_cast<std::int32_t>(faces.size());
-    std::vector<std::int32_t> image(vertices);
-    for (std::int32_t v = 0; v < vertices; ++v) {
-      const Vec3 p = positions[v];
-      image[v] = p.x() == 0 ? v : Add({-p.x(), p.y(), p.z()});
-    }
-    // Polygons get the number of their first face.
-    std::map<std::int32_t, std::int32_t> first;
-    for (std::int32_t f = 0; f < half; ++f) {
-      folded_.polygon[f] = first.try_emplace(folded_.polygon[f], f).first->second;
-      faces.push_back({image[faces[f][0]], image[faces[f][2]], image[faces[f][1]]});
-    }
-    for (std::int32_t f = 0; f < half; ++f) folded_.polygon.push_back(folded_.polygon[f] + half);
-  }
-
   const Mesh& mesh_;
   const std::vector<std::int32_t>& polygon_;
   std::vector<Vec3> positions_;
-  std::vector<std::int32_t> number_;  // per vertex: its number in the folded mesh, or -1
+  std::vector<std::int32_t> number_;  // per vertex: its number on the side that stays, or -1
   std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> crossing_;  // vertices where edges meet the plane
-  FoldedMesh folded_;
+  Mesh side_;
 };
+
+// Simplifies a mesh to about `most` faces. Vertices with x = 0 keep it, if they lie on the boundary.
+Mesh Simplify(const Mesh& mesh, std::int64_t most) {
+  constexpr float kLargestError = 0.02F;  // of the size of the mesh
+  std::vector<rays::Point> points;
+  for (const Vec3& p : mesh.positions) {
+    points.push_back({static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())});
+  }
+  std::vector<unsigned> corners;
+  for (const Face& face : mesh.faces) corners.insert(corners.end(), face.begin(), face.end());
+  corners.resize(meshopt_simplify(corners.data(), corners.data(), corners.size(), points.data()->data(), points.size(),
+                                  sizeof(rays::Point), static_cast<std::size_t>(3 * most), kLargestError));
+  Mesh simple;
+  std::vector<std::int32_t> number(mesh.positions.size(), -1);
+  for (std::size_t c = 0; c < corners.size(); ++c) {
+    std::int32_t& v = number[corners[c]];
+    if (v < 0) {
+      v = static_cast<std::int32_t>(simple.positions.size());
+      simple.positions.push_back(mesh.positions[corners[c]]);
+    }
+    if (c % 3 == 0) simple.faces.emplace_back();
+    simple.faces.back()[c % 3] = v;
+  }
+  return simple;
+}
+
+// Adds the mirror image about x = 0 of all faces.
+void AddMirrorImage(FoldedMesh* folded) {
+  std::vector<Vec3>& positions = folded->mesh.positions;
+  std::vector<Face>& faces = folded->mesh.faces;
+  const auto vertices = static_cast<std::int32_t>(positions.size()), half = static_cast<std::int32_t>(faces.size());
+  std::vector<std::int32_t> image(vertices);
+  for (std::int32_t v = 0; v < vertices; ++v) {
+    const Vec3 p = positions[v];
+    image[v] = p.x() == 0 ? v : static_cast<std::int32_t>(positions.size());
+    if (p.x() != 0) positions.emplace_back(-p.x(), p.y(), p.z());
+  }
+  // Polygons get the number of their first face.
+  std::map<std::int32_t, std::int32_t> first;
+  for (std::int32_t f = 0; f < half; ++f) {
+    folded->polygon[f] = first.try_emplace(folded->polygon[f], f).first->second;
+    faces.push_back({image[faces[f][0]], image[faces[f][2]], image[faces[f][1]]});
+  }
+  for (std::int32_t f = 0; f < half; ++f) folded->polygon.push_back(folded->polygon[f] + half);
+}
 
 }  // namespace
 
 std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
-                                              const Execution& execution) {
+                                              std::int64_t most_faces, const Execution& execution) {
   const bool are_finite =
       std::all_of(mesh.positions.begin(), mesh.positions.end(), [](const Vec3& p) { return p.allFinite(); });
   if (!are_finite) return std::nullopt;
@@ -329,28 +355,40 @@ std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vecto
     const Vec3 p = (mesh.positions[v] / 2 - scene->low / 2) / scene->half;
     positions[v] = {plane.normal.dot(p) - plane.place, y.dot(p), z.dot(p)};
   });
-  std::vector<std::int32_t> piece;
-  const auto is_first = [&](std::int32_t f) {
-    const auto [a, b, c] = TriangleOf(positions, mesh.faces[f]);
-    return a.x() + b.x() + c.x() <= 0;
-  };
-  FoldedMesh folded = Folder(mesh, polygon, positions).Run(&piece);
-  const auto half = static_cast<std::int32_t>(folded.mesh.faces.size() / 2);
+  FoldedMesh folded;
   folded.share = share;
+  folded.mesh = Cutter(mesh, polygon, positions).Run(&folded.polygon);
+  if (2 * folded.mesh.num_faces() > most_faces) {
+    folded.mesh = Simplify(folded.mesh, most_faces / 2);
+    folded.polygon = Indices(folded.mesh.faces.size());
+  }
+  const std::optional<RayScene> side = MakeRayScene(folded.mesh, execution);
+  if (!side || execution.IsCancelled()) return std::nullopt;
+  const Places places_of_side(folded.mesh, *side);
+  const auto half = static_cast<std::int32_t>(folded.mesh.num_faces());
   folded.like.assign(mesh.faces.size(), -1);
-  execution.ForEach(std::ssize(scene->faces), [&](std::int64_t i) {
-    const std::int32_t f = scene->faces[i];
-    if (is_first(f)) {
-      folded.like[f] = piece[f];
-      return;
-    }
-    const std::array<rays::Point, 3>& triangle = scene->solid->triangle(i);
-    const Vec3 middle = (ToVec3(triangle[0]) + ToVec3(triangle[1]) + ToVec3(triangle[2])) / 3;
-    const auto nearest = places.Nearest(plane.Image(middle), plane.ImageOfDirection(places.normal(i)), kReach,
-                                        kAnyCosine, [&](std::size_t k) { return piece[scene->faces[k]] >= 0; });
-    if (nearest) folded.like[f] = piece[scene->faces[nearest->triangle]] + half;
-  });
+  constexpr std::int64_t kChunk = 256;
+  execution.For(
+      std::ssize(scene->faces),
+      [&](std::int64_t begin, std::int64_t end) {
+        std::optional<Places::Place> near;  // that of the last face, which is often near
+        for (std::int64_t i = begin; i < end; ++i) {
+          const std::int32_t f = scene->faces[i];
+          const auto [a, b, c] = TriangleOf(positions, mesh.faces[f]);
+          Vec3 middle = (a + b + c) / 3, normal = (b - a).cross(c - a).normalized();
+          const bool is_image = middle.x() > 0;
+          if (is_image) {
+            middle.x() = -middle.x();
+            normal.x() = -normal.x();
+          }
+          near = places_of_side.Nearest(ToVec3(side->PointAt(middle)), normal, kReach / (2 * side->half), kAnyCosine,
+                                        near);
+          if (near) folded.like[f] = side->faces[near->triangle] + (is_image ? half : 0);
+        }
+      },
+      kChunk);
   if (execution.IsCancelled()) return std::nullopt;
+  AddMirrorImage(&folded);
   return folded;
 }
 

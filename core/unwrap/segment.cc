@@ -103,7 +103,7 @@ constexpr double kSurfaceShare = 0.15, kSegmentShare = 0.52, kImproveShare = 0.8
 // without symmetry. Both sides are cut alike if the cost (charts/seam_cost.h) is at most kMirrorWorth times the cost
 // without symmetry. If the sides have different triangles (SegmentFolded()), it is at most kFoldedWorth times, and
 // large surfaces are compared only if the cost is more than that many times the cost for the folded mesh.
-constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5, kFoldedWorth = 1.1;
+constexpr double kMostlyMirrored = 0.99, kMirrorWorth = 1.5, kFoldedWorth = 1.3;
 constexpr std::int32_t kSmall = 2'000;  // faces: the second search takes little time
 
 // Where charts end at edges of more than two faces, joins other pairs of faces, and merges charts across them.
@@ -172,6 +172,7 @@ AtlasTuning MergingOf(const UnwrapOptions& options) {
   if (options.seams.prefer == SeamPreference::kSeams) {
     tuning.widest = tuning.seams_widest;
     tuning.widest_tip = tuning.seams_widest_tip;
+    tuning.map_tolerance = tuning.seams_map_tolerance;
   }
   return tuning;
 }
@@ -194,6 +195,11 @@ void Job::Reach(double fraction) {
   if (progress.stage != UnwrapStage::kCharts || fraction < progress.stage_fraction + kWorthTelling) return;
   progress.stage_fraction = std::min(fraction, 1.0);
   if (control.on_progress) control.on_progress(progress);
+}
+
+const std::vector<float>& Job::Visibility() {
+  if (visibility.empty()) visibility = FaceVisibility(mesh, execution);
+  return visibility;
 }
 
 std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
@@ -278,7 +284,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (by_seams) {
     PLANISH_ASSIGN_OR_RETURN(mirrored, SegmentMirrored(job, given, merging, &charts));
   }
-  const bool is_folded = charts.search_work < 1;
+  const bool is_folded = charts.folded_cost.has_value();
   bool is_compared =
       !job->is_folded && ((mirrored < kMostlyMirrored && !is_folded) || charts.surface->num_faces() <= kSmall);
   if (is_compared && !charts.surface->crowded_edges.empty()) {  // RejoinCharts() changes the surface
@@ -295,7 +301,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
-    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning, job->execution);
+    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, MergingOf(job->options), job->execution);
     if (by_seams) {
       const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
       std::optional<SeamCost> seam_cost;
@@ -304,8 +310,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
         if (!charts.image.empty()) charts.image.resize(charts.segmentation->charts().size(), -1);
         if (job->execution.IsStopRequested() || charts.segmentation->charts().empty()) return 0.0;
         if (!seam_cost) {
-          const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
-          seam_cost.emplace(*charts.surface, visibility, job->options.tuning, job->execution);
+          seam_cost.emplace(*charts.surface, job->Visibility(), job->options.tuning, job->execution);
           if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
         }
         return ImproveSeams(job, *seam_cost, execution, of, &charts);
@@ -313,14 +318,14 @@ absl::StatusOr<Charts> Segment(Job* job) {
       PLANISH_ASSIGN_OR_RETURN(const double cost,
                                improve(job->execution.Part(kSegmentShare, kImproveShare), estimates.get()));
       charts.cost = cost;
-      is_compared = is_compared || (is_folded && cost > kFoldedWorth * charts.folded_cost);
+      is_compared = is_compared || (is_folded && cost > kFoldedWorth * *charts.folded_cost);
       if (mirrored > 0 && is_compared && !job->execution.IsStopRequested()) {
         Segmentation alike = *std::move(charts.segmentation);
         charts.search_work = 1;
         segment(silent);
         if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
         auto other_estimates =
-            std::make_unique<ChartEstimates>(*charts.segmentation, job->options.tuning, job->execution);
+            std::make_unique<ChartEstimates>(*charts.segmentation, MergingOf(job->options), job->execution);
         PLANISH_ASSIGN_OR_RETURN(const double other_cost, improve(silent, other_estimates.get()));
         if (cost <= (is_folded ? kFoldedWorth : kMirrorWorth) * other_cost) {
           charts.segmentation.emplace(std::move(alike));

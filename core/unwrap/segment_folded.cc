@@ -6,7 +6,6 @@
 #include "core/base/status_macros.h"
 #include "core/charts/seam_cost.h"
 #include "core/mesh/near_symmetry.h"
-#include "core/mesh/visibility.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
@@ -25,6 +24,31 @@ double StretchedShare(const Job& job, const Charts& charts, const ChartEstimates
   return stretched / charts.total_area;
 }
 
+// Per face of a folded mesh: the mean visibility of the faces that are like it or like its mirror image, or the mean of
+// all if there are none.
+std::vector<float> VisibilityOf(const FoldedMesh& folded, const std::vector<float>& visibility) {
+  const auto half = static_cast<std::int32_t>(folded.mesh.num_faces() / 2);
+  struct Sum {
+    double sum = 0, count = 0;
+    void Add(double value) {
+      sum += value;
+      ++count;
+    }
+  };
+  std::vector<Sum> sums(half);
+  Sum all;
+  for (std::size_t f = 0; f < visibility.size(); ++f) {
+    all.Add(visibility[f]);
+    if (folded.like[f] >= 0) sums[folded.like[f] % half].Add(visibility[f]);
+  }
+  std::vector<float> mean;
+  for (std::int32_t f = 0; f < 2 * half; ++f) {
+    const Sum& of = sums[f % half].count > 0 ? sums[f % half] : all;
+    mean.push_back(static_cast<float>(of.sum / of.count));
+  }
+  return mean;
+}
+
 }  // namespace
 
 absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Execution& execution, Charts* charts) {
@@ -32,7 +56,8 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
   if (job->is_folded || job->mesh.num_faces() < kFewest || !seams.part.empty() ||
       !charts->surface->crowded_edges.empty())
     return 0;
-  std::optional<FoldedMesh> folded = FoldNearlySymmetric(job->mesh, seams.polygon, job->execution);
+  std::optional<FoldedMesh> folded =
+      FoldNearlySymmetric(job->mesh, seams.polygon, job->options.tuning.folded_faces, job->execution);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (!folded || job->execution.IsStopRequested()) return 0;
   UnwrapOptions options = job->options;
@@ -46,6 +71,7 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
   {
     Job half = {folded->mesh, options, control, execution, Polygons(folded->mesh.num_faces(), options.face_polygon)};
     half.is_folded = true;
+    half.visibility = VisibilityOf(*folded, job->Visibility());
     const absl::StatusOr<Charts> made = Segment(&half);
     if (absl::IsCancelled(made.status())) return made.status();
     if (!made.ok() || !made->are_alike || job->execution.IsStopRequested()) return 0;
@@ -56,9 +82,8 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
   charts->segmentation.emplace(*std::move(like));
   charts->segmentation->DropEmpty();
   MeasureAtlases(*job, charts);
-  const std::vector<float> visibility = FaceVisibility(job->mesh, job->execution);
-  const SeamCost cost(*charts->surface, visibility, job->options.tuning, job->execution);
-  ChartEstimates estimates(*charts->segmentation, job->options.tuning, job->execution);
+  const SeamCost cost(*charts->surface, job->Visibility(), job->options.tuning, job->execution);
+  ChartEstimates estimates(*charts->segmentation, MergingOf(job->options), job->execution);
   charts->search_work = kWorkOnLike;
   charts->are_mended = true;
   const absl::StatusOr<double> mended = ImproveSeams(job, cost, execution.Part(1, 1), &estimates, charts);
@@ -71,6 +96,7 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
     return folded->share;
   }
   charts->segmentation.reset();
+  charts->folded_cost.reset();
   charts->search_work = 1;
   return 0;
 }

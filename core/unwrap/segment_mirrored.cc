@@ -32,7 +32,7 @@ absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Executi
   half.segmentation.emplace(*half.surface, Segmentation::Kind::kStretch, FirstStretch(job->options),
                             execution.Part(0, kMerging), MergingOf(job->options));
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  ChartEstimates estimates(*half.segmentation, job->options.tuning, job->execution);
+  ChartEstimates estimates(*half.segmentation, MergingOf(job->options), job->execution);
   PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, execution.Part(kMerging, 1), &estimates, &half));
   const auto count = static_cast<std::int32_t>(half.segmentation->charts().size());
   charts->segmentation.emplace(Segmentation::Mirrored(*charts->surface, *half.segmentation, *mirror));

@@ -51,11 +51,14 @@ struct Job {
   std::vector<UnwrapWarning> warnings = {};
   UnwrapSeconds seconds = {};
   bool is_folded = false;  // the mesh is one side of another mesh, and its mirror image (segment_folded.cc)
+  std::vector<float> visibility = {};  // Visibility(), once it is known
 
   // Announces a stage. CANCELLED after a cancellation.
   absl::Status Enter(UnwrapStage stage);
   // Receives Execution::Report(): the fraction of the stage of charts that is done. Other stages do not report.
   void Reach(double fraction);
+  // FaceVisibility() of the mesh, measured at the first call.
+  const std::vector<float>& Visibility();
   // Whether the packer places the charts.
   bool packs() const { return options.pack && options.seams.policy != SeamPolicy::kNone; }
   bool may_split() const {
@@ -92,7 +95,8 @@ struct Charts {
   // moves seams of charts that are not sound.
   double search_work = 1;
   bool are_mended = false;
-  double cost = 0, folded_cost = 0;  // result of ImproveSeams(), and that for the folded mesh (SegmentFolded())
+  double cost = 0;                    // result of ImproveSeams()
+  std::optional<double> folded_cost;  // the same for the folded mesh, if charts are like its charts (SegmentFolded())
   std::vector<char> ignored;         // per face: has no area and is excluded from all promises; empty if no face is
   double total_area = 0;             // of the surface
   double drawn_area = 0;             // the same with `reduction`, which shrinks long needles to almost nothing
@@ -199,14 +203,15 @@ absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Executi
 
 // The same for a surface whose sides have about the same shape, but other triangles: makes charts of one side and its
 // mirror image (FoldNearlySymmetric()), and like charts of the whole surface (Segmentation::Like()). Sets
-// `segmentation` and `search_work`. Meshes of less than 500 faces are left alone. `seams`: as for SegmentMirrored(), but
+// `segmentation`, `search_work` and `folded_cost`. Meshes of less than 500 faces are left alone. `seams`: as for SegmentMirrored(), but
 // without any given ones.
 absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Execution& execution, Charts* charts);
 
 // Measures the areas with which charts are compared: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);
 
-// Tuning of the first merging of charts, and its limit of stretch; ImproveSeams() continues from its result.
+// Tuning of the first merging of charts and of estimates of maps, and the limit of stretch of that merging;
+// ImproveSeams() continues from its result.
 AtlasTuning MergingOf(const UnwrapOptions& options);
 double FirstStretch(const UnwrapOptions& options);
 

@@ -1,9 +1,10 @@
 // planish_chart_count [options] MESH...: unwraps meshes (LoadMesh()) at one or several stretch limits and prints, a
-// line each, the charts before and after they were cut again, total stretch, seam length over the square root of the
-// area, and the CPU seconds of charts, of packing and of all stages. What the constants of core/charts/tuning.h were
-// chosen by.
+// line each, the charts before and after they were cut again, total stretch, seam length and visible seam length over
+// the square root of the area, the symmetry of the seams, and the CPU seconds of charts, of packing and of all stages.
+// What the constants of core/charts/tuning.h were chosen by.
 #include <cstdio>
 #include <ctime>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -19,8 +20,11 @@ int Main(int argc, char** argv) {
   std::vector<std::string> specs;
   std::vector<double> limits = {AtlasTuning().texture_stretch};
   UnwrapOptions options;
-  options.seams.prefer = SeamPreference::kTexture;  // whose constants it sweeps
+  options.seams.prefer = SeamPreference::kTexture;  // most of whose constants it sweeps
   bool no_pack = false;
+  const std::map<std::string, SeamPreference> preferences = {{"seams", SeamPreference::kSeams},
+                                                             {"texture", SeamPreference::kTexture}};
+  app.add_option("--prefer", options.seams.prefer, "seams or texture")->transform(CLI::CheckedTransformer(preferences));
   app.add_option("--max-stretch", limits, "one or several, separated by commas")->delimiter(',');
   app.add_flag("--no-pack", no_pack, "leaves out the packer, and the cuts that are made for it");
   AtlasTuning& tuning = options.tuning;
@@ -33,6 +37,7 @@ int Main(int argc, char** argv) {
   app.add_option("--hull-gain", tuning.packer_cuts.hull_gain);
   app.add_option("--cut-faces", tuning.cut_faces);
   app.add_option("--cut-width", tuning.packer_cuts.cut_width);
+  app.add_option("--folded-faces", tuning.folded_faces);
   app.add_option("--join-rounds", tuning.join_rounds);
   app.add_option("--join-faces", tuning.join_faces);
   app.add_option("--join-gain", tuning.packer_cuts.join_gain);
@@ -40,8 +45,8 @@ int Main(int argc, char** argv) {
   app.add_option("meshes", specs)->required();
   CLI11_PARSE(app, argc, argv);
   options.pack = !no_pack;
-  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %8s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
-              "filled", "faults", "charts s", "pack s", "CPU s");
+  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %7s %7s %8s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
+              "visible", "mirror", "filled", "faults", "charts s", "pack s", "CPU s");
   for (const std::string& spec : specs) {
     const auto mesh = LoadMesh(spec);
     if (!mesh.ok()) {
@@ -71,8 +76,9 @@ int Main(int argc, char** argv) {
         continue;
       }
       const Quality& q = result->quality;
-      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.4f %7lld %8.3f %8.3f %8.3f\n", LabelOf(spec).c_str(), limit,
-                  first, result->charts.size(), q.stretch_l2, q.seam_length, q.packing_efficiency,
+      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.2f %7.2f %7.4f %7lld %8.3f %8.3f %8.3f\n", LabelOf(spec).c_str(), limit,
+                  first, result->charts.size(), q.stretch_l2, q.seam_length, q.visible_seam_length,
+                  q.seam_symmetry.value_or(0), q.packing_efficiency,
                   static_cast<long long>(q.overlapping + q.flipped + q.degenerate),
                   static_cast<double>(charts) / CLOCKS_PER_SEC, static_cast<double>(packing) / CLOCKS_PER_SEC, seconds);
       std::fflush(stdout);
