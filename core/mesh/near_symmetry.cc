@@ -371,7 +371,7 @@ std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vecto
   execution.For(
       std::ssize(scene->faces),
       [&](std::int64_t begin, std::int64_t end) {
-        std::optional<Places::Place> near;  // that of the last face, which is often near
+        std::optional<Places::Place> near;  // found for the last face, which is often near
         for (std::int64_t i = begin; i < end; ++i) {
           const std::int32_t f = scene->faces[i];
           const auto [a, b, c] = TriangleOf(positions, mesh.faces[f]);

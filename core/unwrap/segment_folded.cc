@@ -24,8 +24,8 @@ double StretchedShare(const Job& job, const Charts& charts, const ChartEstimates
   return stretched / charts.total_area;
 }
 
-// Per face of a folded mesh: the mean visibility of the faces that are like it or like its mirror image, or the mean of
-// all if there are none.
+// Per face of a folded mesh: the mean visibility of the faces that are like it or like its mirror image. Without such
+// faces, the mean of all.
 std::vector<float> VisibilityOf(const FoldedMesh& folded, const std::vector<float>& visibility) {
   const auto half = static_cast<std::int32_t>(folded.mesh.num_faces() / 2);
   struct Sum {
