@@ -24,7 +24,7 @@ using rays::Solid;
 using rays::operator-;
 
 constexpr std::size_t kRays = 16;                         // from each sampled face
-constexpr double kFirstRays = 6000, kRaysPerFace = 0.22;  // the first plus the second per face: the most rays in all
+constexpr double kFirstRays = 6000, kRaysPerFace = 0.05;  // the first plus the second per face: the most rays in all
 constexpr float kAbove = 1e-4F;  // distance of the rays' origins above the surface, in diagonals of the mesh
 
 // Directions about the z axis, distributed by their cosine (Vogel's spiral).

@@ -38,6 +38,9 @@ int Main(int argc, char** argv) {
   app.add_option("--cut-faces", tuning.cut_faces);
   app.add_option("--cut-width", tuning.packer_cuts.cut_width);
   app.add_option("--folded-faces", tuning.folded_faces);
+  app.add_option("--glue-estimates", tuning.glue_estimates);
+  app.add_option("--dart-estimates", tuning.dart_estimates);
+  app.add_option("--move-estimates", tuning.move_estimates);
   app.add_option("--join-rounds", tuning.join_rounds);
   app.add_option("--join-faces", tuning.join_faces);
   app.add_option("--join-gain", tuning.packer_cuts.join_gain);
