@@ -52,7 +52,9 @@ struct AtlasTuning {
   // The same to glue parts of borders. With 8, seams are no shorter.
   double dart_estimates = 4;
   double thorough_faces = 20'000;
-  int seam_band = 6;        // number of edges by which a seam may move at once
+  // Number of edges by which a seam may move at once: first, and if that failed. The second straightens seams that
+  // cannot go elsewhere: on 98 meshes they turn by 22.3 degrees instead of 23.5, in 1.02 of the time.
+  int seam_band = 6, narrow_seam_band = 2;
   double seam_slide = 0.3;  // how far the ends of a seam may move, in lengths of the seam
 
   // Most faces of a nearly symmetrical mesh on which charts are first made (unwrap/segment_folded.cc); larger ones are

@@ -13,7 +13,7 @@ constexpr std::size_t kArc = 48;  // half-edges of a path that are moved at once
 
 }  // namespace
 
-std::optional<SeamSearch::Moved> SeamSearch::Reroute(std::span<const HalfedgeHandle> path, bool slides) {
+std::optional<SeamSearch::Moved> SeamSearch::Reroute(std::span<const HalfedgeHandle> path, bool slides, int band) {
   if (!IsPath(segmentation_.gluing(), path)) return std::nullopt;
   const std::vector<HalfedgeHandle> image = ImageOf(path);
   if (Meet(path, image)) return std::nullopt;  // the seam lies on the mirror plane, or crosses it
@@ -22,8 +22,7 @@ std::optional<SeamSearch::Moved> SeamSearch::Reroute(std::span<const HalfedgeHan
   moved.chart = i;
   moved.other = j;
   moved.key = {path.front().idx(), path.size()};
-  if (HasFailed(moved.key, i, j)) return std::nullopt;
-  const std::optional<std::vector<HalfedgeHandle>> way = router_.Reroute(path, slides);
+  const std::optional<std::vector<HalfedgeHandle>> way = router_.Reroute(path, slides, band);
   if (!way || !MoveTo(path, *way, &moved) || (!image.empty() && !MoveTo(image, ImageOf(*way), &moved))) {
     UndoMove(&moved);
     moved.parts.clear();
@@ -176,7 +175,9 @@ void SeamSearch::MoveAhead(std::span<Step> steps) {
         std::none_of(step.charts.begin(), step.charts.end(), [&](std::int32_t i) { return stamps_[i] == stamp_; });
     for (const std::int32_t i : step.charts) stamps_[i] = stamp_;
     if (!is_free || std::exchange(step.is_ahead, true)) continue;
-    step.moved = Reroute(step.path, step.slides);
+    const BorderKey key = {step.path.front().idx(), step.path.size()};
+    if (HasFailed(key, ChartOf(step.path.front()), ChartAcross(step.path.front()))) continue;
+    step.moved = Reroute(step.path, step.slides, tuning_.seam_band);
     if (!step.moved || threads == 1) continue;
     MakeRoom(std::min<std::size_t>(2, step.moved->charts.size()), &*step.moved);
     for (std::size_t k = 0; k < step.moved->before.size(); ++k) todo.emplace_back(&*step.moved, k);
@@ -201,8 +202,15 @@ double SeamSearch::Move() {
   for (; at < steps.size() && GoesOn() && (move_left_ > 0 || !steps[at].is_first); ++at) {
     if (steps[at].is_first) Tell();
     if (!steps[at].is_ahead) MoveAhead(std::span(steps).subspan(at));
-    if (steps[at].moved) gained += Keep(&*steps[at].moved);
+    if (!steps[at].moved) continue;
+    const bool has_way = !steps[at].moved->parts.empty();
+    double gain = Keep(&*steps[at].moved);
     steps[at].moved.reset();
+    if (has_way && gain == 0 && move_left_ > 0 && GoesOn()) {  // tries a way nearer to the seam
+      std::optional<Moved> nearer = Reroute(steps[at].path, /*slides=*/false, tuning_.narrow_seam_band);
+      if (nearer) gain = Keep(&*nearer);
+    }
+    gained += gain;
   }
   for (; at < steps.size(); ++at) {
     if (steps[at].moved) UndoMove(&*steps[at].moved);

@@ -128,7 +128,7 @@ void SeamRouter::MarkEnds(std::span<const HalfedgeHandle> path, double reach) {
 }
 
 // Marks the vertices near the path that can be reached through the two charts.
-void SeamRouter::MarkBand(std::span<const HalfedgeHandle> path) {
+void SeamRouter::MarkBand(std::span<const HalfedgeHandle> path, int band) {
   const Gluing& gluing = segmentation_.gluing();
   const TriMesh& mesh = gluing.mesh();
   std::vector<VertexHandle> queue;
@@ -145,13 +145,14 @@ void SeamRouter::MarkBand(std::span<const HalfedgeHandle> path) {
   for (const VertexHandle v : starts_) reach(v, 0);
   for (std::size_t i = 0; i < queue.size(); ++i) {
     const std::int32_t ring = ring_[queue[i].idx()];
-    if (ring >= tuning_.seam_band) break;
+    if (ring >= band) break;
     if (!gluing.IsInside(queue[i]) && role_[queue[i].idx()] != Role::kPath) continue;
     for (const HalfedgeHandle out : mesh.voh_range(queue[i])) reach(mesh.to_vertex_handle(out), ring + 1);
   }
 }
 
-std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const HalfedgeHandle> path, bool slides) {
+std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const HalfedgeHandle> path, bool slides,
+                                                                  int band) {
   const Gluing& gluing = segmentation_.gluing();
   const TriMesh& mesh = gluing.mesh();
   const std::vector<std::int32_t>& chart = segmentation_.chart();
@@ -164,7 +165,7 @@ std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const H
   }
   for (std::size_t i = 0; i + 1 < path.size(); ++i) Mark(mesh.to_vertex_handle(path[i]), Role::kPath);
   MarkEnds(path, slides ? tuning_.seam_slide * length : 0);
-  MarkBand(path);
+  MarkBand(path, band);
   constexpr double kGain = 5e-3;
   double least = cost_.OfPath(path) * (1 - kGain);
   HalfedgeHandle best;

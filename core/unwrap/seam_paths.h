@@ -32,16 +32,16 @@ class SeamRouter {
   SeamRouter(const Segmentation& segmentation, const SeamCost& cost, const AtlasTuning& tuning);
 
   // The cheapest way (SeamCost::OfPath()) between the two ends of a path, or of part of one, through the two charts
-  // beside it; nullopt if it is no cheaper than the path. The way stays near the path (AtlasTuning::seam_band). If it
-  // `slides`, its ends may move along the outlines of the two charts.
-  std::optional<std::vector<HalfedgeHandle>> Reroute(std::span<const HalfedgeHandle> path, bool slides);
+  // beside it; nullopt if it is no cheaper than the path. The way stays within `band` edges of the path. If it `slides`,
+  // its ends may move along the outlines of the two charts.
+  std::optional<std::vector<HalfedgeHandle>> Reroute(std::span<const HalfedgeHandle> path, bool slides, int band);
 
  private:
   enum class Role : char { kNone, kPath, kStart, kEnd };
 
   bool IsOnPath(HalfedgeHandle h) const;
   void MarkEnds(std::span<const HalfedgeHandle> path, double reach);
-  void MarkBand(std::span<const HalfedgeHandle> path);
+  void MarkBand(std::span<const HalfedgeHandle> path, int band);
   void Mark(VertexHandle v, Role role);
 
   const Segmentation& segmentation_;

@@ -167,7 +167,7 @@ class SeamSearch {
 
   // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way. Keep() decides. Nothing
   // if the path is not to be moved.
-  std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides);
+  std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides, int band);
   // Estimates moved->charts[at] as it is after the move.
   void EstimateMoved(std::size_t at, Moved* moved);
   // Whether chart i was not sound before a move, and is not stretched more after it, unless within the limit.
