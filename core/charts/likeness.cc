@@ -166,7 +166,8 @@ void CloseInnerSlits(const std::vector<std::int32_t>& chart, Gluing* gluing) {
   for (const HalfedgeHandle h : closed) gluing->Glue(h);
 }
 
-// Closes slits where they cut small pieces off a chart. Gives numbers of their own, from `count` on, to large pieces.
+// Closes slits where they cut small pieces off a chart. Gives numbers of their own, from `count` on, to large pieces,
+// and opens the edges between faces that are then in different charts.
 void JoinSmallPieces(const std::vector<char>& has_slit, std::int32_t* count, std::vector<std::int32_t>* chart,
                      Gluing* gluing) {
   constexpr double kSmallPiece = 0.05;  // of the area of its chart
@@ -203,6 +204,11 @@ void JoinSmallPieces(const std::vector<char>& has_slit, std::int32_t* count, std
   for (const HalfedgeHandle h : closed) gluing->Glue(h);
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     if (piece[f] >= 0 && number[piece[f]] >= 0) (*chart)[f] = number[piece[f]];
+  }
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    ForEachNeighbour(surface, f, [&](HalfedgeHandle h, std::int32_t g) {
+      if ((*chart)[g] != (*chart)[f]) gluing->Unglue(h);
+    });
   }
 }
 

@@ -3,15 +3,19 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <set>
+#include <string>
 
 #include "Eigen/Geometry"
 #include "core/charts/segmentation.h"
 #include "core/charts/steps.h"
 #include "core/charts/stretch_estimate.h"
 #include "core/charts/surface.h"
+#include "core/mesh/near_symmetry.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/families.h"
 
 namespace planish {
 namespace {
@@ -104,6 +108,28 @@ TEST(Segmentation, EveryChartIsADisc) {
       }
     }
   }
+}
+
+// Slits of the folded mesh cut pieces off, small ones and large ones, where the triangles of the mesh lie otherwise.
+TEST(Segmentation, ChartsLikeThoseOfAFoldedMeshAreDiscs) {
+  int folds = 0;
+  for (const std::uint64_t seed : {90000, 90010, 90020, 90030, 90041, 90050}) {
+    for (const std::string family : {"copies", "high_genus"}) {
+      const Mesh mesh = testing::MakeFamily(family, seed, 140);
+      const std::optional<FoldedMesh> folded = FoldNearlySymmetric(mesh, {}, 3'000);
+      if (!folded) continue;
+      ++folds;
+      SCOPED_TRACE(family + std::to_string(seed));
+      const Surface surface = MakeSurface(mesh, {}).value(), folded_surface = MakeSurface(folded->mesh, {}).value();
+      for (const auto kind : {Segmentation::Kind::kWhole, Segmentation::Kind::kStretch}) {
+        const Segmentation other(folded_surface, kind, 1.3, {});
+        Segmentation made = Segmentation::Like(surface, other, folded->like, {});
+        made.DropEmpty();
+        ExpectDiscs(surface, made);
+      }
+    }
+  }
+  EXPECT_GE(folds, 3) << "the test needs other meshes";
 }
 
 TEST(Segmentation, SplitPartsTheFacesAskedFor) {
