@@ -71,10 +71,18 @@ std::optional<Segmentation::Joint> SeamSearch::BorderOf(std::int32_t i, std::int
     std::reverse(border.begin(), border.end());
     for (HalfedgeHandle& h : border) h = surface_.mesh->opposite_halfedge_handle(h);
   }
-  for (const HalfedgeHandle h : border) {
+  const Gluing& gluing = segmentation_.gluing();
+  for (std::size_t k = 0; k < border.size(); ++k) {
+    const HalfedgeHandle h = border[k];
     const bool is_border =
-        segmentation_.gluing().IsOutline(h) && surface_.face_across(h) >= 0 && ChartOf(h) == i && ChartAcross(h) == j;
+        gluing.IsOutline(h) && surface_.face_across(h) >= 0 && ChartOf(h) == i && ChartAcross(h) == j;
     if (!is_border) return std::nullopt;
+    if (k == 0) continue;
+    // A slit of either chart may end between the two edges.
+    const HalfedgeHandle last = border[k - 1], across = gluing.mesh().opposite_halfedge_handle(h);
+    if (gluing.After(last) != h || gluing.After(across) != gluing.mesh().opposite_halfedge_handle(last)) {
+      return std::nullopt;
+    }
   }
   if (segmentation_.Outline(i).size() + segmentation_.Outline(j).size() < 2 * border.size() + 3) return std::nullopt;
   return Segmentation::Joint{i, j, std::move(border)};

@@ -114,7 +114,8 @@ class SeamSearch {
   template <class IsOfUse>
   std::optional<double> Estimate(std::int32_t i, const IsOfUse& is_of_use, std::optional<Draft> draft, Glued* glued);
   void Undo(Glued* glued);
-  // These half-edges as a border of charts i and j; nullopt if they do not lie between the two.
+  // These half-edges as a border of charts i and j; nullopt if they do not lie between the two, or not one after the
+  // other on both outlines.
   std::optional<Segmentation::Joint> BorderOf(std::int32_t i, std::int32_t j, std::vector<HalfedgeHandle> border) const;
   // Glues two charts, and their mirror images alike, if that lowers the cost by at least `least`. Returns by how much
   // gluing lowers the cost, done or not; nullopt if the charts must stay apart.

@@ -16,6 +16,7 @@
 #include "core/mesh/symmetry.h"
 #include "core/mesh/visibility.h"
 #include "core/unwrap/seam_paths.h"
+#include "core/unwrap/steps.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
 #include "gtest/gtest.h"
@@ -306,6 +307,21 @@ TEST(PreferSeams, CutsBothSidesAlikeWhereTrianglesDiffer) {
   EXPECT_GE(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.95);
   options.face_atlas.assign(mesh.faces.size(), 0);  // switches it off
   EXPECT_LT(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.9) << "the test needs another mesh";
+}
+
+// Meshes whose charts were not discs on the way: slits end at borders of mirror images, or are copied to other triangles.
+TEST(PreferSeams, ChartsAreDiscs) {
+  const UnwrapOptions options;
+  for (const std::uint64_t seed : {1524, 90041}) {
+    for (const char* family : {"copies", "cut_up", "high_genus"}) {
+      const Mesh mesh = testing::MakeFamily(family, seed, 140);
+      Job job = {mesh, options, {}, {}, Polygons(mesh.num_faces(), {})};
+      const Charts charts = Segment(&job).value();
+      for (std::int32_t i = 0; i < charts.count(); ++i) {
+        EXPECT_TRUE(IsDisc(*charts.segmentation, i)) << family << ' ' << seed << ", chart " << i;
+      }
+    }
+  }
 }
 
 TEST(PreferSeams, CutsNoDiscThatStaysWithinTheLimit) {
