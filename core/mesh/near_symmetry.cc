@@ -1,5 +1,7 @@
 #include "core/mesh/near_symmetry.h"
 
+#include <meshoptimizer.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +12,6 @@
 #include "Eigen/Geometry"
 #include "core/base/radix_sort.h"
 #include "core/mesh/ray_scene.h"
-#include "meshoptimizer.h"
 
 namespace planish {
 namespace {
