@@ -96,7 +96,7 @@ struct AtlasTuning {
   // The same where an outline is made of the estimate (unwrap/chart_estimate.h). With 1e-2, charts for the packer are
   // 1.7 % more, and those for seams the same.
   double map_tolerance = 1e-3, seams_map_tolerance = 1e-2;
-  double estimate_cotangent = 1e4;   // largest cotangent, of 0.006 degrees; smaller angles count as this
+  double estimate_cotangent = 1e4;  // largest cotangent, of 0.006 degrees; smaller angles count as this
   // When a small disc is merged into a large one, u is solved for on the small disc and on `estimate_reach` faces of
   // the large disc for each of its own, those next to the joint. Once the large disc has grown by the share
   // `estimate_growth` since its last full solve, it is solved for as a whole.

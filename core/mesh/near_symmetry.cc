@@ -36,6 +36,10 @@ Vec3 ToVec3(const rays::Point& p) {
   return {p[0], p[1], p[2]};
 }
 
+rays::Point ToPoint(const Vec3& p) {
+  return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
+}
+
 // The place of a triangle nearest to a point (Ericson 2005).
 Vec3 NearestOf(const std::array<rays::Point, 3>& triangle, const Vec3& p) {
   const Vec3 a = ToVec3(triangle[0]), b = ToVec3(triangle[1]), c = ToVec3(triangle[2]);
@@ -108,8 +112,7 @@ class Places {
       return true;
     };
     if (guess) look(guess->triangle);
-    const rays::Point point = {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
-    scene_.solid->ForEachNear(point, static_cast<float>(std::sqrt(least)), [&](std::size_t i, float* left) {
+    scene_.solid->ForEachNear(ToPoint(p), static_cast<float>(std::sqrt(least)), [&](std::size_t i, float* left) {
       if (look(i)) *left = static_cast<float>(std::sqrt(least));
     });
     return nearest;
@@ -140,8 +143,7 @@ FittedPlane Fit(const Places& places, const std::vector<Places::Place>& samples,
     std::vector<TwoPlaces> pairs;
     for (std::size_t k = 0; k < samples.size(); ++k) {
       const Vec3 image = plane.Image(samples[k].at);
-      const auto nearest =
-          places.Nearest(image, plane.ImageOfDirection(samples[k].normal), kFarthestPair, kAnyCosine);
+      const auto nearest = places.Nearest(image, plane.ImageOfDirection(samples[k].normal), kFarthestPair, kAnyCosine);
       if (nearest) pairs.push_back({(nearest->at - image).norm(), k, nearest->at});
     }
     if (static_cast<double>(pairs.size()) < kLeastOfAll * static_cast<double>(samples.size())) return {};
@@ -171,8 +173,7 @@ FittedPlane Fit(const Places& places, const std::vector<Places::Place>& samples,
   }
   std::size_t near = 0;
   for (const Places::Place& sample : samples) {
-    near +=
-        places.Nearest(plane.Image(sample.at), plane.ImageOfDirection(sample.normal), kNear, kNearCosine) ? 1 : 0;
+    near += places.Nearest(plane.Image(sample.at), plane.ImageOfDirection(sample.normal), kNear, kNearCosine) ? 1 : 0;
   }
   return {plane, static_cast<double>(near) / static_cast<double>(samples.size())};
 }
@@ -207,7 +208,7 @@ FittedPlane FindPlane(const Places& places, const Execution& execution) {
   return best.share < kWorthFitting ? best : Fit(places, samples, kFits, best.plane);
 }
 
-// Cuts a mesh at a plane.
+// Cuts a mesh at a plane, and keeps one side.
 class Cutter {
  public:
   // `x`: per vertex, its distance from the plane. The side of negative x stays.
@@ -291,9 +292,7 @@ class Cutter {
 Mesh Simplify(const Mesh& mesh, std::int64_t most) {
   constexpr float kLargestError = 0.02F;  // of the size of the mesh
   std::vector<rays::Point> points;
-  for (const Vec3& p : mesh.positions) {
-    points.push_back({static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())});
-  }
+  for (const Vec3& p : mesh.positions) points.push_back(ToPoint(p));
   std::vector<unsigned> corners;
   for (const Face& face : mesh.faces) corners.insert(corners.end(), face.begin(), face.end());
   corners.resize(meshopt_simplify(corners.data(), corners.data(), corners.size(), points.data()->data(), points.size(),

@@ -206,7 +206,7 @@ double SeamSearch::Move() {
     const bool has_way = !steps[at].moved->parts.empty();
     double gain = Keep(&*steps[at].moved);
     steps[at].moved.reset();
-    if (has_way && gain == 0 && move_left_ > 0 && GoesOn()) {  // tries a way nearer to the seam
+    if (has_way && gain == 0 && move_left_ > 0 && GoesOn()) {  // a way nearer to the seam may do
       std::optional<Moved> nearer = Reroute(steps[at].path, /*slides=*/false, tuning_.narrow_seam_band);
       if (nearer) gain = Keep(&*nearer);
     }

@@ -152,7 +152,7 @@ void SeamRouter::MarkBand(std::span<const HalfedgeHandle> path, int band) {
 }
 
 std::optional<std::vector<HalfedgeHandle>> SeamRouter::Reroute(std::span<const HalfedgeHandle> path, bool slides,
-                                                                  int band) {
+                                                               int band) {
   const Gluing& gluing = segmentation_.gluing();
   const TriMesh& mesh = gluing.mesh();
   const std::vector<std::int32_t>& chart = segmentation_.chart();

@@ -32,8 +32,8 @@ class SeamRouter {
   SeamRouter(const Segmentation& segmentation, const SeamCost& cost, const AtlasTuning& tuning);
 
   // The cheapest way (SeamCost::OfPath()) between the two ends of a path, or of part of one, through the two charts
-  // beside it; nullopt if it is no cheaper than the path. The way stays within `band` edges of the path. If it `slides`,
-  // its ends may move along the outlines of the two charts.
+  // beside it; nullopt if it is no cheaper than the path. The way stays within `band` edges of the path. If it
+  // `slides`, its ends may move along the outlines of the two charts.
   std::optional<std::vector<HalfedgeHandle>> Reroute(std::span<const HalfedgeHandle> path, bool slides, int band);
 
  private:

@@ -166,8 +166,8 @@ class SeamSearch {
     std::optional<Moved> moved = {};        // the result of Reroute()
   };
 
-  // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way. Keep() decides. Nothing
-  // if the path is not to be moved.
+  // Moves one seam, or part of one, and its mirror image alike, where there is a cheaper way within `band` edges.
+  // Keep() decides. Nothing if the path is not to be moved.
   std::optional<Moved> Reroute(std::span<const HalfedgeHandle> path, bool slides, int band);
   // Estimates moved->charts[at] as it is after the move.
   void EstimateMoved(std::size_t at, Moved* moved);

@@ -167,7 +167,7 @@ void MeasureAtlases(const Job& job, Charts* charts) {
   for (auto& [atlas, size] : sizes) size = most;
 }
 
-AtlasTuning MergingOf(const UnwrapOptions& options) {
+AtlasTuning ChartTuning(const UnwrapOptions& options) {
   AtlasTuning tuning = options.tuning;
   if (options.seams.prefer == SeamPreference::kSeams) {
     tuning.widest = tuning.seams_widest;
@@ -276,7 +276,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const bool by_seams = by_stretch && seams.prefer == SeamPreference::kSeams;
   const auto segment = [&](const Execution& execution) {
     charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
-                                FirstStretch(job->options), execution, MergingOf(job->options));
+                                FirstStretch(job->options), execution, ChartTuning(job->options));
     if (by_stretch) RejoinCharts(*job, &charts);
   };
   const Execution merging = job->execution.Part(kSurfaceShare, kSegmentShare);
@@ -301,7 +301,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   }
   MeasureAtlases(*job, &charts);
   if (by_stretch) {
-    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, MergingOf(job->options), job->execution);
+    auto estimates = std::make_unique<ChartEstimates>(*charts.segmentation, ChartTuning(job->options), job->execution);
     if (by_seams) {
       const Execution silent = job->execution.Part(kSegmentShare, kSegmentShare);
       std::optional<SeamCost> seam_cost;
@@ -325,7 +325,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
         segment(silent);
         if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
         auto other_estimates =
-            std::make_unique<ChartEstimates>(*charts.segmentation, MergingOf(job->options), job->execution);
+            std::make_unique<ChartEstimates>(*charts.segmentation, ChartTuning(job->options), job->execution);
         PLANISH_ASSIGN_OR_RETURN(const double other_cost, improve(silent, other_estimates.get()));
         if (cost <= (is_folded ? kFoldedWorth : kMirrorWorth) * other_cost) {
           charts.segmentation.emplace(std::move(alike));

@@ -83,7 +83,7 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
   charts->segmentation->DropEmpty();
   MeasureAtlases(*job, charts);
   const SeamCost cost(*charts->surface, job->Visibility(), job->options.tuning, job->execution);
-  ChartEstimates estimates(*charts->segmentation, MergingOf(job->options), job->execution);
+  ChartEstimates estimates(*charts->segmentation, ChartTuning(job->options), job->execution);
   charts->search_work = kWorkOnLike;
   charts->are_mended = true;
   const absl::StatusOr<double> mended = ImproveSeams(job, cost, execution.Part(1, 1), &estimates, charts);

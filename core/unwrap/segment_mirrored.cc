@@ -30,9 +30,9 @@ absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Executi
   half.surface = std::make_unique<const Surface>(std::move(surface));
   MeasureAtlases(*job, &half);
   half.segmentation.emplace(*half.surface, Segmentation::Kind::kStretch, FirstStretch(job->options),
-                            execution.Part(0, kMerging), MergingOf(job->options));
+                            execution.Part(0, kMerging), ChartTuning(job->options));
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  ChartEstimates estimates(*half.segmentation, MergingOf(job->options), job->execution);
+  ChartEstimates estimates(*half.segmentation, ChartTuning(job->options), job->execution);
   PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, execution.Part(kMerging, 1), &estimates, &half));
   const auto count = static_cast<std::int32_t>(half.segmentation->charts().size());
   charts->segmentation.emplace(Segmentation::Mirrored(*charts->surface, *half.segmentation, *mirror));

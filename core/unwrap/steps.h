@@ -50,7 +50,7 @@ struct Job {
   UnwrapProgress progress = {};
   std::vector<UnwrapWarning> warnings = {};
   UnwrapSeconds seconds = {};
-  bool is_folded = false;  // the mesh is one side of another mesh, and its mirror image (segment_folded.cc)
+  bool is_folded = false;              // the mesh is one side of another mesh, and its mirror image (segment_folded.cc)
   std::vector<float> visibility = {};  // Visibility(), once it is known
 
   // Announces a stage. CANCELLED after a cancellation.
@@ -97,9 +97,9 @@ struct Charts {
   bool are_mended = false;
   double cost = 0;                    // result of ImproveSeams()
   std::optional<double> folded_cost;  // the same for the folded mesh, if charts are like its charts (SegmentFolded())
-  std::vector<char> ignored;         // per face: has no area and is excluded from all promises; empty if no face is
-  double total_area = 0;             // of the surface
-  double drawn_area = 0;             // the same with `reduction`, which shrinks long needles to almost nothing
+  std::vector<char> ignored;          // per face: has no area and is excluded from all promises; empty if no face is
+  double total_area = 0;              // of the surface
+  double drawn_area = 0;              // the same with `reduction`, which shrinks long needles to almost nothing
   // Per atlas (AtlasOf()): the size of its content. If all atlases have one texel density, the largest content of any
   // atlas. The square root of the area is a length to compare the lengths of charts with.
   struct AtlasSize {
@@ -203,16 +203,16 @@ absl::StatusOr<double> SegmentMirrored(Job* job, GivenSeams seams, const Executi
 
 // The same for a surface whose sides have about the same shape, but other triangles: makes charts of one side and its
 // mirror image (FoldNearlySymmetric()), and like charts of the whole surface (Segmentation::Like()). Sets
-// `segmentation`, `search_work` and `folded_cost`. Meshes of less than 500 faces are left alone. `seams`: as for SegmentMirrored(), but
-// without any given ones.
+// `segmentation`, `search_work` and `folded_cost`. Meshes of less than 500 faces are left alone. `seams`: as for
+// SegmentMirrored(), but without any given ones.
 absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Execution& execution, Charts* charts);
 
 // Measures the areas with which charts are compared: sets `drawn_area` and `atlas_size`.
 void MeasureAtlases(const Job& job, Charts* charts);
 
-// Tuning of the first merging of charts and of estimates of maps, and the limit of stretch of that merging;
-// ImproveSeams() continues from its result.
-AtlasTuning MergingOf(const UnwrapOptions& options);
+// The tuning of merging and of estimates for the job's SeamPreference.
+AtlasTuning ChartTuning(const UnwrapOptions& options);
+// The limit of stretch of the first merging of charts. ImproveSeams() continues from its result.
 double FirstStretch(const UnwrapOptions& options);
 
 // Whether the map of a chart is unusable and the chart must be cut. Only charts of two faces or more can be cut.

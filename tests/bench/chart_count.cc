@@ -1,7 +1,7 @@
 // planish_chart_count [options] MESH...: unwraps meshes (LoadMesh()) at one or several stretch limits and prints, a
 // line each, the charts before and after they were cut again, total stretch, seam length and visible seam length over
-// the square root of the area, the turning and symmetry of the seams, and the CPU seconds of charts, of packing and of all stages.
-// What the constants of core/charts/tuning.h were chosen by.
+// the square root of the area, the turning and symmetry of the seams, and the CPU seconds of charts, of packing and of
+// all stages. What the constants of core/charts/tuning.h were chosen by.
 #include <cstdio>
 #include <ctime>
 #include <map>
@@ -50,8 +50,8 @@ int Main(int argc, char** argv) {
   app.add_option("meshes", specs)->required();
   CLI11_PARSE(app, argc, argv);
   options.pack = !no_pack;
-  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %7s %7s %7s %8s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
-              "visible", "turn", "mirror", "filled", "faults", "charts s", "pack s", "CPU s");
+  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %7s %7s %7s %8s %8s %8s\n", "mesh", "limit", "first", "charts", "L2",
+              "seams", "visible", "turn", "mirror", "filled", "faults", "charts s", "pack s", "CPU s");
   for (const std::string& spec : specs) {
     const auto mesh = LoadMesh(spec);
     if (!mesh.ok()) {
@@ -81,9 +81,9 @@ int Main(int argc, char** argv) {
         continue;
       }
       const Quality& q = result->quality;
-      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.2f %7.1f %7.2f %7.4f %7lld %8.3f %8.3f %8.3f\n", LabelOf(spec).c_str(), limit,
-                  first, result->charts.size(), q.stretch_l2, q.seam_length, q.visible_seam_length, q.seam_turn_deg,
-                  q.seam_symmetry.value_or(0), q.packing_efficiency,
+      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.2f %7.1f %7.2f %7.4f %7lld %8.3f %8.3f %8.3f\n",
+                  LabelOf(spec).c_str(), limit, first, result->charts.size(), q.stretch_l2, q.seam_length,
+                  q.visible_seam_length, q.seam_turn_deg, q.seam_symmetry.value_or(0), q.packing_efficiency,
                   static_cast<long long>(q.overlapping + q.flipped + q.degenerate),
                   static_cast<double>(charts) / CLOCKS_PER_SEC, static_cast<double>(packing) / CLOCKS_PER_SEC, seconds);
       std::fflush(stdout);

@@ -247,7 +247,7 @@ Mesh NearlySymmetric() {
   for (Vec3& p : mesh.positions) {
     const double angle = std::atan2(p.y(), p.x()), turn = std::atan2(p.z(), std::hypot(p.x(), p.y()) - 2);
     const double moved = turn + (p.x() > 0 ? 0.1 * p.x() : 0), x = 2 * std::cos(angle);
-    const double tube = 1 + 0.3 * std::cos(2 * x * x + 2 * moved) * std::cos(2.3 * std::sin(angle));
+    const double tube = 1 + 0.3 * std::cos(2 * x * x + 2 * moved) * std::cos(2.8 * std::sin(angle));
     const double r = 2 + tube * std::cos(moved);
     p = {r * std::cos(angle), r * std::sin(angle), tube * std::sin(moved)};
     p.z() += 0.3 * p.y() + 0.2 * p.x() * p.x();  // no other planes
@@ -306,10 +306,11 @@ TEST(PreferSeams, CutsBothSidesAlikeWhereTrianglesDiffer) {
   UnwrapOptions options;
   EXPECT_GE(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.95);
   options.face_atlas.assign(mesh.faces.size(), 0);  // switches it off
-  EXPECT_LT(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.9) << "the test needs another mesh";
+  EXPECT_LT(ShareAlike(mesh, Unwrap(mesh, options, {}).value()), 0.8) << "the test needs another mesh";
 }
 
-// Meshes whose charts were not discs on the way: slits end at borders of mirror images, or are copied to other triangles.
+// Some charts of these meshes once were not discs during the search: slits ended at the borders of mirror images, or
+// were copied to other triangles.
 TEST(PreferSeams, ChartsAreDiscs) {
   const UnwrapOptions options;
   for (const std::uint64_t seed : {1524, 90041}) {
