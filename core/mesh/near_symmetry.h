@@ -20,11 +20,10 @@ struct FoldedMesh {
 };
 
 // Looks for a plane for which 95 % of the area lies near its mirror image: within 1.5 % of the mesh's diagonal, with a
-// similar normal. Candidates are planes perpendicular to an axis, and to the principal axes, fitted to samples of the
-// surface. Cuts the mesh at the plane, and returns one side with its mirror image. `polygon` has the polygon of each
-// face (empty: every face is one). If both sides would have more than `most_faces`, they are simplified to about that
-// many, as far as shapes allow it, and every face is then a polygon. nullopt if there is no such plane, or after a
-// cancellation. O(n log n).
+// similar normal (mirror_plane.h). Cuts the mesh at the plane, and returns one side with its mirror image. `polygon`
+// has the polygon of each face (empty: every face is one). If both sides would have more than `most_faces`, they are
+// simplified to about that many, as far as shapes allow it, and every face is then a polygon. nullopt if there is no
+// such plane, or after a cancellation. O(n log n).
 std::optional<FoldedMesh> FoldNearlySymmetric(const Mesh& mesh, const std::vector<std::int32_t>& polygon,
                                               std::int64_t most_faces, const Execution& execution = {});
 
