@@ -75,6 +75,8 @@ double SeamSearch::SewDarts() {
     }
   }
   std::stable_sort(borders.begin(), borders.end(), [](const Whole& a, const Whole& b) { return a.cost > b.cost; });
+  const double of_later_rounds = dart_left_ - dart_left_ / (tuning_.seam_rounds - round_);
+  dart_left_ -= of_later_rounds;
   std::swap(glue_left_, dart_left_);  // Try() counts in glue_left_
   double gained = 0;
   std::vector<char> has_changed(count(), 0);
@@ -93,6 +95,7 @@ double SeamSearch::SewDarts() {
     }
   }
   std::swap(glue_left_, dart_left_);
+  dart_left_ += of_later_rounds;
   return gained;
 }
 

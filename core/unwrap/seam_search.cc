@@ -42,7 +42,7 @@ absl::StatusOr<double> SeamSearch::Run() {
   all_left_ = glue_left_ + dart_left_ + move_left_;
   for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
     double gain = charts_.are_mended ? 0 : Glue();
-    if (round_ == 0 && !charts_.are_mended) {
+    if (!charts_.are_mended) {
       const double of_darts = SewDarts();
       if (of_darts > 0) gain += of_darts + Glue();
     }

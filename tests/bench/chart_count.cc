@@ -38,6 +38,9 @@ int Main(int argc, char** argv) {
   app.add_option("--cut-faces", tuning.cut_faces);
   app.add_option("--cut-width", tuning.packer_cuts.cut_width);
   app.add_option("--folded-faces", tuning.folded_faces);
+  app.add_option("--max-extent", tuning.max_extent, "sides of the square");
+  app.add_option("--first-stretch", tuning.seams_first_stretch, "with --prefer=seams");
+  app.add_option("--waste-price", tuning.waste_price);
   app.add_option("--seam-band", tuning.seam_band);
   app.add_option("--narrow-seam-band", tuning.narrow_seam_band);
   app.add_option("--glue-estimates", tuning.glue_estimates);
