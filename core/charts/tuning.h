@@ -51,6 +51,9 @@ struct AtlasTuning {
   double glue_estimates = 6, move_estimates = 8;
   // The same to glue parts of borders, in all rounds together.
   double dart_estimates = 9;
+  // The same to glue charts of at most the share `crumb_area` of the surface, at the end. Without that, 62 meshes have
+  // 1.03 times as many charts, a net of 65,812 faces 86 instead of 64, in the same time.
+  double crumb_estimates = 3, crumb_area = 0.002;
   double thorough_faces = 20'000;
   // Number of edges by which a seam may move at once: first, and if that failed. The second straightens seams that
   // cannot go elsewhere: on 98 meshes they turn by 22.3 degrees instead of 23.5, in 1.02 of the time.

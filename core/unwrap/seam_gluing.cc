@@ -12,12 +12,12 @@ bool SeamSearch::IsImage(std::int32_t i, std::int32_t j) const {
   return i_image >= 0 && j_image >= 0 && std::minmax(i_image, j_image) < std::minmax(i, j);
 }
 
-void SeamSearch::Push(std::int32_t i, bool all) {
+void SeamSearch::Push(std::int32_t i, bool all, double most_area) {
   std::vector<HalfedgeHandle> outline = segmentation_.Outline(i);
   const std::size_t edges = outline.size();
   for (const auto& [border, other] : BordersAlong(segmentation_.gluing(), segmentation_.chart(), &outline)) {
     if (!all && other < i) continue;
-    if (IsImage(i, other)) continue;
+    if (IsImage(i, other) || std::min(area_[i], area_[other]) > most_area) continue;
     if (edges + estimates_.of(other).outline.size() < 2 * border.size() + 3) continue;
     const double most = (ImageOf(i) >= 0 ? 2 : 1) * (cost_.OfPath(border) + tuning_.chart_price);
     if (HasFailed({border.front().idx(), border.size()}, i, other)) continue;
@@ -214,12 +214,12 @@ void SeamSearch::MakeDrafts(const Candidate& best) {
   }
 }
 
-double SeamSearch::Glue() {
+double SeamSearch::Glue(double most_area) {
   double gained = 0;
   queue_ = {};
   drafts_ = {};
   for (std::int32_t i = 0; i < count(); ++i) {
-    if (!segmentation_.charts()[i].empty()) Push(i, false);
+    if (!segmentation_.charts()[i].empty()) Push(i, false, most_area);
   }
   while (!queue_.empty() && glue_left_ > 0 && GoesOn()) {
     Tell();
@@ -246,11 +246,19 @@ double SeamSearch::Glue() {
       continue;
     }
     gained += *gain;
-    Push(i, true);
+    Push(i, true, most_area);
     const std::int32_t image = ImageOf(i);
-    if (image >= 0 && image != i) Push(image, true);
+    if (image >= 0 && image != i) Push(image, true, most_area);
   }
   return gained;
+}
+
+void SeamSearch::GlueCrumbs() {
+  double area = 0;
+  for (const double of_chart : area_) area += of_chart;
+  std::swap(glue_left_, crumb_left_);
+  Glue(tuning_.crumb_area * area);
+  std::swap(glue_left_, crumb_left_);
 }
 
 }  // namespace planish

@@ -39,7 +39,8 @@ absl::StatusOr<double> SeamSearch::Run() {
   glue_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.glue_estimates * faces;
   dart_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.dart_estimates * faces;
   move_left_ = charts_.search_work * tuning_.move_estimates * faces;
-  all_left_ = glue_left_ + dart_left_ + move_left_;
+  crumb_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.crumb_estimates * faces;
+  all_left_ = glue_left_ + dart_left_ + move_left_ + crumb_left_;
   for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
     double gain = charts_.are_mended ? 0 : Glue();
     if (!charts_.are_mended) {
@@ -49,6 +50,7 @@ absl::StatusOr<double> SeamSearch::Run() {
     gain += Move();
     if (!(gain > kGoesOn)) break;
   }
+  if (!charts_.are_mended) GlueCrumbs();
   if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
   charts_.image.clear();
   charts_.mirror.reset();

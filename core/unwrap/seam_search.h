@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <queue>
@@ -36,7 +37,8 @@ class SeamSearch {
 
   bool GoesOn() const { return !job_.execution.IsCancelled() && !job_.execution.IsStopRequested(); }
   void Tell() const {
-    const double left = std::max(0.0, glue_left_) + std::max(0.0, dart_left_) + std::max(0.0, move_left_);
+    const double left =
+        std::max(0.0, glue_left_) + std::max(0.0, dart_left_) + std::max(0.0, move_left_) + std::max(0.0, crumb_left_);
     execution_.Report(1 - left / all_left_);
   }
   std::int32_t count() const { return static_cast<std::int32_t>(segmentation_.charts().size()); }
@@ -106,8 +108,9 @@ class SeamSearch {
 
   // Whether these two charts are the mirror images of two charts with lower numbers, and are glued together with those.
   bool IsImage(std::int32_t i, std::int32_t j) const;
-  // Queues the borders of a chart; unless `all`, those with charts of higher numbers.
-  void Push(std::int32_t i, bool all);
+  // Queues the borders of a chart; unless `all`, those with charts of higher numbers. At least one of the two charts is
+  // not larger than `most_area`.
+  void Push(std::int32_t i, bool all, double most_area);
   bool Join(const Segmentation::Joint& joint, Glued* glued);
   // Estimates the chart in its present shape, or takes the estimate of `draft`. Returns its cost; nullopt if its map is
   // not sound. If is_of_use(cost) is false, the map is not examined.
@@ -128,8 +131,11 @@ class SeamSearch {
   std::optional<Draft> TakeDraft(const Candidate& candidate);
   // With several threads: makes drafts of this candidate and of some of the next ones, no two with a chart in common.
   void MakeDrafts(const Candidate& best);
-  // Glues charts, those with the largest gain first. Returns the total gain.
-  double Glue();
+  // Glues charts, at least one of each two not larger than `most_area`, those with the largest gain first. Returns the
+  // total gain.
+  double Glue(double most_area = std::numeric_limits<double>::infinity());
+  // Glues small charts. They gain little, so that nothing may be left for them in glue_left_.
+  void GlueCrumbs();
 
   // ---- Darts (seam_darts.cc).
 
@@ -219,7 +225,7 @@ class SeamSearch {
   std::int64_t pushed_ = 0;
   int round_ = 0;
   // Faces that may still be estimated again; all_left_: in all, at first.
-  double glue_left_ = 0, dart_left_ = 0, move_left_ = 0, all_left_ = 0;
+  double glue_left_ = 0, dart_left_ = 0, move_left_ = 0, crumb_left_ = 0, all_left_ = 0;
 };
 
 }  // namespace planish

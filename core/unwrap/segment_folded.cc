@@ -64,6 +64,7 @@ absl::StatusOr<double> SegmentFolded(Job* job, const GivenSeams& seams, const Ex
   options.face_polygon = std::move(folded->polygon);
   options.tuning.glue_estimates *= kWorkOnFolded;
   options.tuning.dart_estimates *= kWorkOnFolded;
+  options.tuning.crumb_estimates *= kWorkOnFolded;
   options.tuning.move_estimates *= kWorkOnFolded;
   UnwrapControl control = job->control;
   control.on_progress = nullptr;
