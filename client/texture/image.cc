@@ -114,21 +114,26 @@ absl::StatusOr<ImageHeader> ReadImageHeader(std::string_view bytes, const std::s
                                                 : "a " + other + " image; only PNG, JPEG and WebP can be read");
   }
   ImageHeader header;
+  bool is_cut_off = false;
   switch (*kind) {
     case ImageKind::kPng: {
       PLANISH_ASSIGN_OR_RETURN(header, texture_internal::ReadPngHeader(bytes, name));
+      is_cut_off = texture_internal::IsPngCutOff(bytes);
       break;
     }
     case ImageKind::kJpeg: {
       PLANISH_ASSIGN_OR_RETURN(header, texture_internal::ReadJpegHeader(bytes, name));
+      is_cut_off = texture_internal::IsJpegCutOff(bytes);
       break;
     }
     case ImageKind::kWebp: {
       PLANISH_ASSIGN_OR_RETURN(header, texture_internal::ReadWebpHeader(bytes, name));
+      is_cut_off = texture_internal::IsWebpCutOff(bytes);
       break;
     }
   }
   header.kind = *kind;
+  if (is_cut_off) return ImageMalformed(name, "the image is cut off");
   PLANISH_RETURN_IF_ERROR(CheckSize(header, bytes, name));
   return header;
 }

@@ -48,12 +48,12 @@ inline constexpr int kLargestImageSide = 32768;
 // Detects the kind by the first bytes; nullopt for other kinds of file.
 std::optional<ImageKind> KindOfImage(std::string_view bytes);
 
-// Kind and size of an image, without decoding it. `name` is for messages. INVALID_ARGUMENT: IMAGE_UNSUPPORTED for other
-// kinds of file (KTX2, GIF, ...), CMYK and animations; IMAGE_MALFORMED for damaged bytes, and for images that are
-// larger than their bytes can be.
+// Kind and size of an image, without decoding it. `bytes` is the whole file; bytes behind the image are ignored. `name`
+// is for messages. INVALID_ARGUMENT: IMAGE_UNSUPPORTED for other kinds of file (KTX2, GIF, ...), CMYK and animations;
+// IMAGE_MALFORMED for damaged headers, images that are cut off, and images that are larger than their bytes can be.
 absl::StatusOr<ImageHeader> ReadImageHeader(std::string_view bytes, const std::string& name);
 
-// Errors as of ReadImageHeader(), and OUT_OF_MEMORY; images that were cut off are IMAGE_MALFORMED. Takes header.bytes()
+// Errors as of ReadImageHeader(), and OUT_OF_MEMORY; damage behind the header is IMAGE_MALFORMED. Takes header.bytes()
 // of memory, and what the codec needs.
 absl::StatusOr<TextureImage> DecodeImage(std::string_view bytes, const std::string& name);
 
@@ -70,6 +70,11 @@ namespace texture_internal {
 absl::StatusOr<ImageHeader> ReadPngHeader(std::string_view bytes, const std::string& name);
 absl::StatusOr<ImageHeader> ReadJpegHeader(std::string_view bytes, const std::string& name);
 absl::StatusOr<ImageHeader> ReadWebpHeader(std::string_view bytes, const std::string& name);
+// Whether the bytes end before the image does. They step over the parts of the file without decoding them. The decoders
+// refuse such an image too. `bytes` has a header that was read.
+bool IsPngCutOff(std::string_view bytes);
+bool IsJpegCutOff(std::string_view bytes);
+bool IsWebpCutOff(std::string_view bytes);
 absl::Status DecodePng(std::string_view bytes, const std::string& name, TextureImage* image);
 absl::Status DecodeJpeg(std::string_view bytes, const std::string& name, TextureImage* image);
 absl::Status DecodeWebp(std::string_view bytes, const std::string& name, TextureImage* image);

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
@@ -151,6 +152,27 @@ absl::StatusOr<ImageHeader> ReadJpegHeader(std::string_view bytes, const std::st
   header.height = static_cast<int>(jpeg.image_height);
   header.channels = jpeg.num_components;
   return header;
+}
+
+bool IsJpegCutOff(std::string_view bytes) {
+  constexpr unsigned kTem = 0x01, kRst0 = 0xD0, kRst7 = 0xD7, kSoi = 0xD8, kEoi = 0xD9;
+  const auto byte = [bytes](std::size_t i) { return unsigned{static_cast<unsigned char>(bytes[i])}; };
+  // Like libjpeg, skips bytes up to the next marker: those of a scan, and bytes that belong to nothing.
+  std::size_t at = 2;
+  while ((at = bytes.find('\xFF', at)) != std::string_view::npos) {
+    at = bytes.find_first_not_of('\xFF', at);
+    if (at == std::string_view::npos) return true;
+    const unsigned marker = byte(at++);
+    // libjpeg refuses a second SOI.
+    if (marker == kEoi || marker == kSoi) return false;
+    // 0xFF followed by 0 is a byte of a scan.
+    if (marker == 0 || marker == kTem || (marker >= kRst0 && marker <= kRst7)) continue;
+    if (bytes.size() - at < 2) return true;
+    // The length counts its own two bytes. libjpeg takes 0 and 1 for 2.
+    at += std::max(256 * byte(at) + byte(at + 1), 2u);
+    if (at > bytes.size()) return true;
+  }
+  return true;
 }
 
 absl::Status DecodeJpeg(std::string_view bytes, const std::string& name, TextureImage* image) {

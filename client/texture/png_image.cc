@@ -3,6 +3,7 @@
 #include <bit>
 #include <csetjmp>
 #include <cstring>
+#include <optional>
 
 #include "client/texture/image.h"
 #include "core/base/error.h"
@@ -131,19 +132,31 @@ class PngWriter {
   png_infop info_ = nullptr;
 };
 
+struct PngChunk {
+  std::string_view type, data;
+  std::size_t end;  // behind the checksum
+};
+
+// The chunk at `at`; nullopt if the bytes end before it does.
+std::optional<PngChunk> ChunkAt(std::string_view bytes, std::size_t at) {
+  constexpr std::size_t kAround = 12;  // length, type and checksum
+  if (at > bytes.size() || bytes.size() - at < kAround) return std::nullopt;
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < 4; ++i) size = size << 8 | static_cast<unsigned char>(bytes[at + i]);
+  if (size > bytes.size() - at - kAround) return std::nullopt;
+  return PngChunk{bytes.substr(at + 4, 4), bytes.substr(at + 8, size), at + kAround + size};
+}
+
+constexpr std::size_t kPngSignature = 8;  // bytes
+
 // The chunks before the image that say what its colours mean. libpng must have read `bytes` without errors.
 std::vector<TextureImage::ColorChunk> ColorChunks(std::string_view bytes) {
   std::vector<TextureImage::ColorChunk> chunks;
-  std::size_t at = 8;
-  while (bytes.size() - at >= 12) {
-    std::size_t size = 0;
-    for (std::size_t i = 0; i < 4; ++i) size = size << 8 | static_cast<unsigned char>(bytes[at + i]);
-    const std::string_view type = bytes.substr(at + 4, 4);
-    if (type == "IDAT" || size > bytes.size() - at - 12) break;
+  std::optional<PngChunk> chunk = ChunkAt(bytes, kPngSignature);
+  for (; chunk && chunk->type != "IDAT"; chunk = ChunkAt(bytes, chunk->end)) {
     for (const std::string_view kept : {"cHRM", "cICP", "gAMA", "iCCP", "sRGB"}) {
-      if (type == kept) chunks.push_back({std::string(type), std::string(bytes.substr(at + 8, size))});
+      if (chunk->type == kept) chunks.push_back({std::string(chunk->type), std::string(chunk->data)});
     }
-    at += 12 + size;
   }
   return chunks;
 }
@@ -156,6 +169,12 @@ absl::StatusOr<ImageHeader> ReadPngHeader(std::string_view bytes, const std::str
   PngReader reader(bytes, &errors);
   if (!reader.ReadInfo(&header)) return ImageMalformed(name, std::string("libpng: ") + errors.message);
   return header;
+}
+
+bool IsPngCutOff(std::string_view bytes) {
+  std::optional<PngChunk> chunk = ChunkAt(bytes, kPngSignature);
+  while (chunk && chunk->type != "IEND") chunk = ChunkAt(bytes, chunk->end);
+  return !chunk;
 }
 
 absl::Status DecodePng(std::string_view bytes, const std::string& name, TextureImage* image) {

@@ -37,6 +37,14 @@ absl::StatusOr<ImageHeader> ReadWebpHeader(std::string_view bytes, const std::st
   return header;
 }
 
+bool IsWebpCutOff(std::string_view bytes) {
+  // The size behind "RIFF" counts the bytes behind itself.
+  constexpr std::size_t kRiffHeader = 8;
+  std::size_t size = 0;
+  for (std::size_t i = kRiffHeader; i-- > 4;) size = size << 8 | static_cast<unsigned char>(bytes[i]);
+  return size > bytes.size() - kRiffHeader;
+}
+
 absl::Status DecodeWebp(std::string_view bytes, const std::string& name, TextureImage* image) {
   PLANISH_ASSIGN_OR_RETURN(const WebPBitstreamFeatures features, Features(bytes, name));
   const auto row = static_cast<int>(image->header.bytes() / image->header.height);

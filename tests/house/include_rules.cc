@@ -79,7 +79,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/draco", "tests"}},
       {std::regex(R"(^meshoptimizer\.h$)"), "meshoptimizer", {"core/mesh/near_symmetry.cc", "client/files", "tests"}},
-      {std::regex(R"(^(jpeglib\.h|jerror\.h|webp/.*)$)"), "libjpeg and libwebp", {"client/texture"}},
+      {std::regex(R"(^(jpeglib\.h|jerror\.h|webp/.*)$)"), "libjpeg and libwebp", {"client/texture", "tests/texture"}},
       {std::regex(R"(^utf8proc\.h$)"), "utf8proc", {"client/cli/text.cc"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/mesh/tri_mesh.h"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h|cblas.*\.h|omp\.h)$)"), "BLAS, CHOLMOD and OpenMP", {}},
