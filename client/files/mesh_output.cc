@@ -10,6 +10,7 @@
 #include "client/files/gltf_textures.h"
 #include "client/files/obj_textures.h"
 #include "client/files/painted_colors.h"
+#include "client/files/ply_format.h"
 #include "client/files/writers.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
@@ -58,21 +59,76 @@ absl::StatusOr<WrittenMesh> ObjAndImages(const MeshFile& file, const WrittenPoly
   return result;
 }
 
+// "a.png, b.png and 3 more".
+std::string SomeOf(const std::vector<std::string>& names) {
+  constexpr std::size_t kMostNamed = 8;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kMostNamed); ++i) text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > kMostNamed) text += " and " + std::to_string(names.size() - kMostNamed) + " more";
+  return text;
+}
+
+// The images that comments of a PLY name; none for other formats.
+std::vector<std::string> ImagesOfPly(const MeshFile& file) {
+  if (file.format != MeshFormat::kPly) return {};
+  const absl::StatusOr<PlyHeader> header = ReadPlyHeader(file.path, file.bytes);
+  if (!header.ok()) return {};
+  return {header->images.begin(), header->images.end()};
+}
+
+// Whether each corner keeps the UV that it has in the file.
+bool KeepsUv(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
+  const std::vector<std::int32_t>& old = file.mesh.corner_texcoord;
+  if (old.empty() || !written.torn.empty()) return false;
+  for (std::size_t c = 0; c < old.size(); ++c) {
+    if (old[c] == kNoId) return false;
+    const Vec2& before = file.mesh.texcoords[static_cast<std::size_t>(old[c])];
+    for (int k = 0; k < 2; ++k) {
+      const double after = written.corner_uv[2 * c + static_cast<std::size_t>(k)];
+      const bool same = uv_is_float ? static_cast<float>(after) == static_cast<float>(before[k]) : after == before[k];
+      if (!same) return false;
+    }
+  }
+  return true;
+}
+
+// A PLY from a PLY. The images that it names are not resampled, so they fit only if the UV stay as they are.
+absl::StatusOr<WrittenMesh> PlyAndImages(const MeshFile& file, const WrittenPolygons& written,
+                                         const OutputOptions& options) {
+  const std::vector<std::string> images = ImagesOfPly(file);
+  const TextureMode mode = options.textures.mode;
+  const bool fits = KeepsUv(file, written, options.uv_is_float) && !options.textures.bake_colors;
+  const bool keeps = mode == TextureMode::kLeave || (fits && mode == TextureMode::kTransfer);
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh result, OneFile(options, WritePly(file, written, options.uv_is_float, keeps)));
+  if (images.empty() || fits || mode == TextureMode::kDrop) return result;
+  if (keeps) {
+    result.warnings.push_back({"TEXTURE_UV_REPLACED", "comments of the PLY name images (" + SomeOf(images) +
+                                                          "), and the file now holds the new UV: these images no "
+                                                          "longer fit"});
+  } else {
+    result.warnings.push_back({"TEXTURE_DROPPED", "comments of the PLY that name images (" + SomeOf(images) +
+                                                      ") were removed: the file now holds the new UV, and only images "
+                                                      "of glTF and OBJ are drawn for these"});
+  }
+  return result;
+}
+
 // Warns if a conversion to another format leaves images out. Nobody needs the warning who asked for it (kDrop).
 void WarnOfLeftImages(const MeshFile& file, const OutputOptions& options, std::vector<OutputWarning>* warnings) {
-  constexpr std::size_t kMostNamed = 8;
   const bool is_own = file.format == options.format || (IsGltf(file.format) && IsGltf(options.format));
   if (is_own || options.textures.mode == TextureMode::kDrop) return;
-  std::vector<std::string> images;
+  std::vector<std::string> images = ImagesOfPly(file);
   if (file.gltf) images = ImagesShown(*file.gltf);
   if (file.format == MeshFormat::kObj) images = ObjTextures(file, options).Files();
   if (images.empty()) return;
-  std::string names;
-  for (std::size_t i = 0; i < std::min(images.size(), kMostNamed); ++i) names += (i == 0 ? "" : ", ") + images[i];
-  if (images.size() > kMostNamed) names += " and " + std::to_string(images.size() - kMostNamed) + " more";
-  warnings->push_back({"TEXTURE_DROPPED", std::string("a conversion from ") + (file.gltf ? "glTF" : "OBJ") +
-                                              " to another format leaves out images (" + names +
-                                              "), and keeps at most the names of materials; write " +
+  const std::string left = " to another format leaves out images (" + SomeOf(images) + ")";
+  if (file.format == MeshFormat::kPly) {
+    warnings->push_back(
+        {"TEXTURE_DROPPED", "a conversion from PLY" + left + ": only images of glTF and OBJ are drawn for the new UV"});
+    return;
+  }
+  warnings->push_back({"TEXTURE_DROPPED", std::string("a conversion from ") + (file.gltf ? "glTF" : "OBJ") + left +
+                                              ", and keeps at most the names of materials; write " +
                                               (file.gltf ? ".glb or .gltf" : ".obj") + " to keep them"});
 }
 
@@ -87,8 +143,8 @@ absl::StatusOr<WrittenMesh> WriteAs(const MeshFile& file, const WrittenPolygons&
       if (is_own) return ObjAndImages(file, written, options);
       return OneFile(options, PlainObj(mesh, uv, options.uv_is_float));
     case MeshFormat::kPly:
-      return OneFile(options,
-                     is_own ? WritePly(file, written, options.uv_is_float) : PlainPly(mesh, uv, options.uv_is_float));
+      if (is_own) return PlyAndImages(file, written, options);
+      return OneFile(options, PlainPly(mesh, uv, options.uv_is_float));
     case MeshFormat::kOff:
       return OneFile(options,
                      is_own ? WriteOff(file, written, options.uv_is_float) : PlainOff(mesh, uv, options.uv_is_float));
@@ -216,7 +272,9 @@ absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOpt
 
 bool TexturesRead(const MeshFile& file, const OutputOptions& options) {
   if (IsGltf(options.format)) return file.gltf && ReadsTexcoord(*file.gltf, options.texcoord);
-  return options.format == MeshFormat::kObj && file.format == MeshFormat::kObj && !ObjTextures(file, options).empty();
+  if (options.format != file.format) return false;
+  if (file.format == MeshFormat::kPly) return !ImagesOfPly(file).empty();
+  return file.format == MeshFormat::kObj && !ObjTextures(file, options).empty();
 }
 
 std::optional<int> FreeUvSet(const MeshFile& file) {

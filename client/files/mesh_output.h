@@ -67,13 +67,14 @@ struct OutputFile {
 // A problem of a file that was written nevertheless.
 struct OutputWarning {
   // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material used the replaced UV, and do
-  // not fit the new ones. TEXTURE_DROPPED: references to such images were removed, or the conversion to another format
-  // left images out. TEXTURE_SIZE: an image would have to be larger to keep its texel density. MATERIAL_CLONED: a
-  // material was copied for each atlas. MATERIALS_MERGED: several materials became one. MATERIAL_NOT_MERGED: a material
-  // stays apart, being animated or part of variants, or no two materials could become one. COLORS_BAKED: vertex colours
-  // are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex colours, or they could not be
-  // painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. TEXCOORDS_FILLED: primitives got the new UV as
-  // other sets too. POSITION_PRECISION: rounding to float moved vertices of a mesh far from the origin.
+  // not fit the new ones. TEXTURE_DROPPED: references to such images were removed, or images that a PLY names, or the
+  // conversion to another format left images out. TEXTURE_SIZE: an image would have to be larger to keep its texel
+  // density. MATERIAL_CLONED: a material was copied for each atlas. MATERIALS_MERGED: several materials became one.
+  // MATERIAL_NOT_MERGED: a material stays apart, being animated or part of variants, or no two materials could become
+  // one. COLORS_BAKED: vertex colours are in images now, and glTF lost COLOR_0. COLORS_NOT_BAKED: there are no vertex
+  // colours, or they could not be painted. TANGENTS_DROPPED: tangents belonged to the replaced UV. TEXCOORDS_FILLED:
+  // primitives got the new UV as other sets too. POSITION_PRECISION: rounding to float moved vertices of a mesh far
+  // from the origin.
   std::string reason;
   std::string message;  // a sentence for people
 };
@@ -109,10 +110,12 @@ std::vector<std::string> FilesOfObj(const std::string& path, std::string_view ob
 //
 //   OBJ     as WriteObjWithUv (mesh_file.h). OutputOptions::textures decides about images; if they are moved, there is
 //           a new material file as well.
-//   PLY     encoding, elements, properties, comments. A list "texcoord" of faces is rewritten. Without one, vertices
-//           get "s" and "t", in place of any UV they had, and vertices with several UV are split: Blender reads only
-//           UV of vertices, MeshLab and assimp read both. Copies of vertices come after the others. Comments tell our
-//           readers which vertices are copies (seam_copies.h), and writing the file again removes these.
+//   PLY     encoding, elements, properties, comments. Comments "TextureFile" stay only if the UV do, or for
+//           TextureMode::kLeave, with a warning: images of a PLY are not resampled. A list "texcoord" of faces is
+//           rewritten. Without one, vertices get "s" and "t", in place of any UV they had, and vertices with several UV
+//           are split: Blender reads only UV of vertices, MeshLab and assimp read both. Copies of vertices come after
+//           the others. Comments tell our readers which vertices are copies (seam_copies.h), and writing the file again
+//           removes these.
 //   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; the rest of their lines stays.
 //   glTF    everything. TEXCOORD_n of the primitives is added or replaced; their vertices are split like those of PLY,
 //           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:

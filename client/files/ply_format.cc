@@ -96,6 +96,7 @@ class HeaderReader {
       if (words[0] == "comment") {
         const std::string_view comment = words.size() > 1 ? line.substr(words[1].data() - line.data()) : "";
         if (IsSeamMark(comment)) header_.seam_marks.push_back(comment);
+        if (const std::string_view image = PlyImage(comment); !image.empty()) header_.images.push_back(image);
         continue;
       }
       if (words[0] == "end_header") break;
@@ -222,6 +223,16 @@ int PlyTypeSize(PlyType type) {
 
 bool IsInteger(PlyType type) {
   return type != PlyType::kFloat32 && type != PlyType::kFloat64;
+}
+
+std::string_view PlyImage(std::string_view comment) {
+  constexpr std::string_view kKeyword = "TextureFile", kBlanks = " \t\v\f";
+  const std::size_t begin = comment.find_first_not_of(kBlanks);
+  if (begin == std::string_view::npos || !comment.substr(begin).starts_with(kKeyword)) return "";
+  const std::string_view rest = comment.substr(begin + kKeyword.size());
+  const std::size_t name = rest.find_first_not_of(kBlanks);
+  if (name == 0 || name == std::string_view::npos) return "";
+  return rest.substr(name, rest.find_last_not_of(kBlanks) + 1 - name);
 }
 
 absl::StatusOr<PlyHeader> ReadPlyHeader(const std::string& path, std::string_view bytes) {

@@ -41,7 +41,12 @@ struct PlyHeader {
   std::size_t data_offset = 0;               // of the first byte after the header
   std::int64_t data_line = 1;                // 1-based, for ascii
   std::vector<std::string_view> seam_marks;  // comments, for JoinSeamVertices()
+  std::vector<std::string_view> images;      // names in comments, by PlyImage()
 };
+
+// The name in a comment "TextureFile NAME", as MeshLab writes it; empty for other comments. `comment` is the text
+// behind the word "comment".
+std::string_view PlyImage(std::string_view comment);
 
 // If the line "format" is missing, uses the encoding in which the data makes sense. Checks counts against the bytes
 // that follow: at least two characters per value in ascii, the sizes of scalars and list lengths in binary. Errors as

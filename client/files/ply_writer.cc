@@ -93,12 +93,13 @@ class PlySink {
 class PlyWriter {
  public:
   PlyWriter(const MeshFile& file, const WrittenPolygons& written, const PlyHeader& header, const PlyLayout& layout,
-            PlyType uv_type)
+            PlyType uv_type, bool keeps_images)
       : file_(file),
         written_(written),
         header_(header),
         layout_(layout),
         uv_type_(uv_type),
+        keeps_images_(keeps_images),
         values_(file.path, file.bytes, header),
         sink_(header.encoding) {
     // With UV in the faces, vertices stay unchanged.
@@ -153,7 +154,10 @@ class PlyWriter {
       at = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
       const std::size_t word = line.find_first_not_of(" \t\v\f");
       const std::string_view keyword = word == std::string::npos ? "" : std::string_view(line).substr(word);
-      if (keyword.starts_with("comment") && IsSeamMark(keyword.substr(7))) continue;
+      if (keyword.starts_with("comment")) {
+        const std::string_view comment = keyword.substr(7);
+        if (IsSeamMark(comment) || (!keeps_images_ && !PlyImage(comment).empty())) continue;
+      }
       const bool begins_element = keyword.starts_with("element");
       if (begins_element || keyword.starts_with("end_header")) {
         if (inside && element == layout_.vertex && !layout_.face_uv) AddUvProperties(line_end);
@@ -286,6 +290,7 @@ class PlyWriter {
   const PlyHeader& header_;
   const PlyLayout& layout_;
   const PlyType uv_type_;
+  const bool keeps_images_;
   PlyType index_type_ = PlyType::kInt32;
   CornerSplit split_;
   PlyValues values_;
@@ -294,10 +299,12 @@ class PlyWriter {
 
 }  // namespace
 
-absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float) {
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
+                                     bool keeps_images) {
   PLANISH_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file.path, file.bytes));
   PLANISH_ASSIGN_OR_RETURN(const PlyLayout layout, FindPlyLayout(file.path, header));
-  return PlyWriter(file, written, header, layout, uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64).Write();
+  const PlyType uv_type = uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64;
+  return PlyWriter(file, written, header, layout, uv_type, keeps_images).Write();
 }
 
 std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {

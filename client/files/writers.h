@@ -26,7 +26,9 @@ struct ObjMaterialEdit {
 // Write the UV into the file's own bytes; file.format must be that of the writer.
 std::string WriteObj(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
                      const ObjMaterialEdit& materials = {});
-absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
+// `keeps_images`: keeps the comments that name images.
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float,
+                                     bool keeps_images = true);
 absl::StatusOr<std::string> WriteOff(const MeshFile& file, const WrittenPolygons& written, bool uv_is_float);
 absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<double>& corner_uv,
                                       const OutputOptions& options);

@@ -58,6 +58,63 @@ TEST(PlyWriter, RewritesTexcoordsOfFacesWhereTheFileHasThem) {
             header + "3 0 1 2 6 0 0 1 0 1 1 0\n3 0 2 3 6 0 0.5 1 1 0 1 -1\n");
 }
 
+// A PLY that names images as MeshLab does, written to `name` with (u, v) of its six corners.
+WrittenMesh WithImagesAndUv(const std::vector<double>& uv, TextureMode mode, const std::string& name) {
+  const std::string ply =
+      "ply\r\nformat ascii 1.0\r\ncomment TextureFile my skin.png\r\ncomment by hand\r\ncomment  TextureFile b.png \r\n"
+      "comment TextureFiles are odd\r\nelement vertex 4\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\n"
+      "element face 2\r\nproperty list uchar int vertex_indices\r\nproperty list uchar float texcoord\r\nend_header\r\n"
+      "0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2 6 0 0 0.1 0 0.1 1\r\n3 0 2 3 6 0 0 0.1 1 0 1\r\n";
+  const absl::StatusOr<MeshFile> file = ReadMeshBytes("in.ply", MeshFormat::kPly, ply);
+  EXPECT_TRUE(file.ok()) << file.status();
+  OutputOptions options;
+  options.path = name;
+  options.format = *FormatOfPath(name);
+  options.textures.mode = mode;
+  const absl::StatusOr<WrittenMesh> written = WriteMeshWithUv(*file, uv, options);
+  EXPECT_TRUE(written.ok()) << written.status();
+  return *written;
+}
+
+TEST(PlyWriter, NamesImagesOnlyIfTheUvStay) {
+  const std::vector<double> same = {0, 0, 0.1, 0, 0.1, 1, 0, 0, 0.1, 1, 0, 1};
+  std::vector<double> moved = same;
+  moved[7] = 0.25;
+  const auto names = [](const WrittenMesh& written) {
+    const std::string& ply = written.files[0].bytes;
+    EXPECT_NE(ply.find("comment by hand\r\n"), std::string::npos);
+    EXPECT_NE(ply.find("comment TextureFiles are odd\r\n"), std::string::npos);
+    const bool first = ply.find("comment TextureFile my skin.png\r\n") != std::string::npos;
+    EXPECT_EQ(ply.find("b.png") != std::string::npos, first);
+    return first;
+  };
+  for (const TextureMode mode : {TextureMode::kLeave, TextureMode::kTransfer}) {
+    const WrittenMesh kept = WithImagesAndUv(same, mode, "out.ply");
+    EXPECT_TRUE(names(kept));
+    EXPECT_EQ(kept.warnings.size(), 0u);
+  }
+  const WrittenMesh dropped = WithImagesAndUv(moved, TextureMode::kTransfer, "out.ply");
+  EXPECT_FALSE(names(dropped));
+  ASSERT_EQ(dropped.warnings.size(), 1u);
+  EXPECT_EQ(dropped.warnings[0].reason, "TEXTURE_DROPPED");
+  EXPECT_NE(dropped.warnings[0].message.find("(my skin.png, b.png)"), std::string::npos) << dropped.warnings[0].message;
+  const WrittenMesh left = WithImagesAndUv(moved, TextureMode::kLeave, "out.ply");
+  EXPECT_TRUE(names(left));
+  ASSERT_EQ(left.warnings.size(), 1u);
+  EXPECT_EQ(left.warnings[0].reason, "TEXTURE_UV_REPLACED");
+  const WrittenMesh asked = WithImagesAndUv(moved, TextureMode::kDrop, "out.ply");
+  EXPECT_FALSE(names(asked));
+  EXPECT_EQ(asked.warnings.size(), 0u);
+  for (const std::string name : {"out.obj", "out.off", "out.glb", "out.drc"}) {
+    const WrittenMesh converted = WithImagesAndUv(moved, TextureMode::kTransfer, name);
+    ASSERT_EQ(converted.warnings.size(), 1u) << name;
+    EXPECT_EQ(converted.warnings[0].reason, "TEXTURE_DROPPED");
+    EXPECT_NE(converted.warnings[0].message.find("from PLY"), std::string::npos) << converted.warnings[0].message;
+    EXPECT_NE(converted.warnings[0].message.find("my skin.png"), std::string::npos);
+    EXPECT_EQ(WithImagesAndUv(moved, TextureMode::kDrop, name).warnings.size(), 0u) << name;
+  }
+}
+
 TEST(PlyWriter, WidensIndicesThatNoLongerFit) {
   std::string text =
       "ply\nformat ascii 1.0\nelement vertex 127\nproperty float x\nproperty float y\nproperty float z\n"

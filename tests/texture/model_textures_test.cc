@@ -515,6 +515,20 @@ TEST(PackCommand, KeepsTexturesOfPrimitivesWithDifferentNumbersOfSets) {
   EXPECT_TRUE(std::equal(old.begin() + half, old.end(), second.begin() + half)) << "was there";
 }
 
+TEST(PackCommand, RefusesToKeepTheImageOfAPly) {
+  const std::string in = TemporaryPath("in.ply"), out = TemporaryPath("out.ply");
+  PutFile(in,
+          "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 3\nproperty float x\nproperty float y\n"
+          "property float z\nproperty float s\nproperty float t\nelement face 1\n"
+          "property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 0.1 0\n0 1 0 0 0.1\n3 0 1 2\n");
+  const std::string command = PLANISH_COMMAND " pack '" + in + "' -o '" + out + "'";
+  EXPECT_THAT(RunShell(command + " --textures=keep").err, HasSubstr("in.ply: --textures=keep cannot leave the UV"));
+  const Outcome dropped = RunShell(command);
+  EXPECT_EQ(dropped.exit_code, 0) << dropped.err;
+  EXPECT_THAT(dropped.err, ::testing::AllOf(HasSubstr("TEXTURE_DROPPED"), HasSubstr("(skin.png)")));
+  EXPECT_THAT(ReadFile(out), ::testing::Not(HasSubstr("TextureFile")));
+}
+
 TEST(TransferCommand, TakesTheMapOfAFileWhoseTrianglesAreInAnotherOrder) {
   const TextureImage image = SmoothTexture(128, 128, 0.1, 1);
   const Sheet sheet(4, {image}, kColored);
