@@ -150,8 +150,8 @@ void AddTimeout(CLI::App& app, double& seconds, const std::string& description) 
 }
 
 void AddTexcoord(CLI::App& app, int& texcoord) {
-  app.add_option("--texcoord", texcoord, "Read the UV set TEXCOORD_N of a glTF, N up to 7 [0]")
-      ->check(CLI::Range(0, 7).description(""))
+  app.add_option("--texcoord", texcoord, "Read the UV set TEXCOORD_N of a glTF, N up to 63 [0]")
+      ->check(CLI::Range(0, kLargestTexcoord).description(""))
       ->type_name("N");
 }
 
@@ -159,7 +159,7 @@ void AddOutputTexcoord(CLI::App& app, std::optional<int>& texcoord) {
   app.add_option_function<int>(
          "--output-texcoord", [&texcoord](const int& n) { texcoord = n; },
          "Write the new UV to the set TEXCOORD_N; other sets stay unchanged [that of --texcoord]")
-      ->check(CLI::Range(0, 7).description(""))
+      ->check(CLI::Range(0, kLargestTexcoord).description(""))
       ->type_name("N");
 }
 

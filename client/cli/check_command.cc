@@ -66,8 +66,9 @@ void SetTexcoord(const std::string& text, CheckArguments* arguments) {
   if (arguments->all_texcoords) return;
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, arguments->texcoord);
-  if (error != std::errc() || rest != end || arguments->texcoord < 0 || arguments->texcoord > 7) {
-    throw CLI::ValidationError("--texcoord", text + " is neither a number from 0 to 7 nor all");
+  if (error != std::errc() || rest != end || arguments->texcoord < 0 || arguments->texcoord > kLargestTexcoord) {
+    throw CLI::ValidationError(
+        "--texcoord", text + " is neither a number from 0 to " + std::to_string(kLargestTexcoord) + " nor all");
   }
 }
 
@@ -94,7 +95,7 @@ void AddFlags(CLI::App& app, CheckArguments& arguments) {
   AddTiles(app, arguments.tiles);
   app.add_option_function<std::string>(
          "--texcoord", [&arguments](const std::string& text) { SetTexcoord(text, &arguments); },
-         "Check the UV set TEXCOORD_N of a glTF, N up to 7; all: every set that the file has [0]")
+         "Check the UV set TEXCOORD_N of a glTF, N up to 63; all: every set that the file has [0]")
       ->type_name("N|all");
   AddJson(app, arguments.json);
 }

@@ -18,7 +18,7 @@ namespace planish::cli {
 class Interrupts;
 
 struct DeliveryArguments {
-  int texcoord = 0;  // glTF: UV are read from TEXCOORD_n, in [0, 7]
+  int texcoord = 0;  // glTF: UV are read from TEXCOORD_n
   OutputArguments output;
   ServerArguments server;
   double timeout_seconds = 0;  // 0: none

@@ -60,8 +60,8 @@ void AddFlags(CLI::App& app, ReportArguments& arguments) {
       ->check(CLI::Range(0, 64).description(""))
       ->type_name("N");
   AddTiles(app, arguments.tiles.tiles);
-  app.add_option("--texcoord", arguments.texcoord, "Show the UV set TEXCOORD_N of a glTF, N up to 7 [0]")
-      ->check(CLI::Range(0, 7).description(""))
+  app.add_option("--texcoord", arguments.texcoord, "Show the UV set TEXCOORD_N of a glTF, N up to 63 [0]")
+      ->check(CLI::Range(0, kLargestTexcoord).description(""))
       ->type_name("N");
 }
 

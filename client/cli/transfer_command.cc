@@ -41,13 +41,13 @@ void AddFlags(CLI::App& app, TransferArguments& arguments) {
                  "Texels per side of the new images, 16 to 65536 [as many as keep the texel density of FROM's images]")
       ->check(CLI::Range(16, 65536).description(""))
       ->type_name("N");
-  app.add_option("--texcoord", arguments.texcoord, "UV set of TO to use: TEXCOORD_N of a glTF, N up to 7 [0]")
-      ->check(CLI::Range(0, 7).description(""))
+  app.add_option("--texcoord", arguments.texcoord, "UV set of TO to use: TEXCOORD_N of a glTF, N up to 63 [0]")
+      ->check(CLI::Range(0, kLargestTexcoord).description(""))
       ->type_name("N");
   app.add_option_function<int>(
          "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
          "UV set of FROM that the new UV replace, TEXCOORD_N [0]")
-      ->check(CLI::Range(0, 7).description(""))
+      ->check(CLI::Range(0, kLargestTexcoord).description(""))
       ->type_name("N");
   app.add_flag("--project", arguments.project,
                "For two surfaces that differ but lie close together, such as a scan and its decimated copy: write TO "

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "client/files/gltf_accessor.h"
+#include "client/files/mesh_file.h"
 #include "client/files/texture_files.h"
 #include "core/base/status_macros.h"
 
@@ -76,7 +77,7 @@ void FindUses(const Json& root, const Json& object, const Json::json_pointer& at
         use.transform = TransformOf(*transform);
       }
     }
-    use.texcoord = texcoord >= 0 && texcoord <= 7 ? static_cast<int>(texcoord) : -1;
+    use.texcoord = texcoord >= 0 && texcoord <= kLargestTexcoord ? static_cast<int>(texcoord) : -1;
     uses->push_back(std::move(use));
   }
 }

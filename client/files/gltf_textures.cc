@@ -53,9 +53,13 @@ std::vector<std::string> ImagesShown(const GltfMesh& gltf) {
 
 int FreeTexcoord(const GltfMesh& gltf) {
   int free = 0;
-  for (const GltfPrimitive& primitive : gltf.primitives) {
-    const Json& attributes = PrimitiveJson(gltf.document.json, primitive)["attributes"];
-    while (free < 7 && attributes.contains("TEXCOORD_" + std::to_string(free))) ++free;
+  for (; free <= kLargestTexcoord; ++free) {
+    const std::string name = "TEXCOORD_" + std::to_string(free);
+    const bool is_used =
+        std::any_of(gltf.primitives.begin(), gltf.primitives.end(), [&](const GltfPrimitive& primitive) {
+          return PrimitiveJson(gltf.document.json, primitive)["attributes"].contains(name);
+        });
+    if (!is_used) break;
   }
   return free;
 }

@@ -114,8 +114,7 @@ class GltfTextures {
 bool ReadsTexcoord(const GltfMesh& gltf, int texcoord);
 // The names of the images that materials of triangles use.
 std::vector<std::string> ImagesShown(const GltfMesh& gltf);
-// The first set of UV that no primitive has, at most 7; primitives may lack lower ones
-// (OutputOptions::fills_texcoords).
+// The first set of UV that no primitive has; kLargestTexcoord + 1 if none up to kLargestTexcoord is free.
 int FreeTexcoord(const GltfMesh& gltf);
 
 }  // namespace planish

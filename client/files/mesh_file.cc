@@ -182,9 +182,8 @@ absl::StatusOr<MeshFile> ReadMeshBytes(const std::string& path, MeshFormat forma
 
 std::vector<int> UvSets(const MeshFile& file) {
   if (!file.gltf) return file.mesh.corner_texcoord.empty() ? std::vector<int>() : std::vector<int>{0};
-  constexpr int kMostSets = 64;
   std::vector<int> sets;
-  for (int n = 0; n < kMostSets; ++n) {
+  for (int n = 0; n <= kLargestTexcoord; ++n) {
     const std::string name = "TEXCOORD_" + std::to_string(n);
     const bool has_it = std::any_of(file.gltf->primitives.begin(), file.gltf->primitives.end(), [&](const auto& p) {
       return PrimitiveJson(file.gltf->document.json, p)["attributes"].contains(name);

@@ -37,6 +37,9 @@ struct MeshFile {
   std::shared_ptr<const GltfMesh> gltf;  // the parsed file, for kGltf and kGlb; null otherwise
 };
 
+// glTF: the largest n of a TEXCOORD_n that is read or written. glTF itself has no limit.
+inline constexpr int kLargestTexcoord = 63;
+
 struct ReadOptions {
   int texcoord = 0;  // glTF: the n of the TEXCOORD_n that is read as UV
 };

@@ -226,8 +226,10 @@ absl::Status CheckOutputUnguarded(const MeshFile& file, const OutputOptions& opt
     return Unsupported(options.path +
                        ": STL has no place for UV; give a name that ends in .obj, .ply, .off, .gltf, .glb or .drc");
   }
-  if (options.texcoord < 0 || options.texcoord > 7) {
-    return Unsupported("--output-texcoord must be in [0, 7], not " + std::to_string(options.texcoord));
+  if (options.texcoord < 0 || options.texcoord > kLargestTexcoord) {
+    return Unsupported(file.path + ": the new UV cannot become TEXCOORD_" + std::to_string(options.texcoord) +
+                       ", since planish writes sets up to TEXCOORD_" + std::to_string(kLargestTexcoord) +
+                       "; remove a set that is not needed, or give --textures=transfer, which replaces one");
   }
   if (options.texcoord > 0 && !IsGltf(options.format)) {
     return Unsupported(options.path + " has one set of UV only; a second one, TEXCOORD_" +

@@ -52,7 +52,7 @@ struct OutputOptions {
   MeshFormat format = MeshFormat::kObj;
   std::string path;         // of the output file, to which references are relative; "-": stdout
   bool uv_is_float = true;  // false: the UV need double
-  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; may differ from the set that was read
+  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, which may differ from the set that was read
   TextureOptions textures;
   // glTF numbers the sets of a primitive without gaps. Whether primitives that lack sets below `texcoord` get the new
   // UV as these sets too; otherwise they are an error.
@@ -98,7 +98,8 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 absl::StatusOr<double> EstimateTextureSide(const MeshFile& file, const OutputOptions& options, double total_area);
 // Whether images of the file's materials use the UV that the output replaces.
 bool TexturesRead(const MeshFile& file, const OutputOptions& options);
-// A set of UV that the file does not have yet; nullopt if its format has only one.
+// The first set of UV that no triangles of the file have; nullopt if its format has only one set. kLargestTexcoord + 1,
+// which CheckOutput() refuses, if none up to kLargestTexcoord is free.
 std::optional<int> FreeUvSet(const MeshFile& file);
 
 // The paths of an OBJ's material files and of the images that these name, relative to the folder of the OBJ. `path` is

@@ -85,7 +85,7 @@ TEST_F(CheckTest, BadUsage) {
   const Outcome unknown = Check({file, "--require=beauty"});
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("there is no requirement \"beauty\""));
-  EXPECT_EQ(Check({file, "--texcoord=9"}).exit_code, 2);
+  EXPECT_EQ(Check({file, "--texcoord=64"}).exit_code, 2);
   EXPECT_EQ(Check({file, "--texcoord=1"}).exit_code, 2);  // an OBJ has one set
   EXPECT_EQ(Check({file, "--max-stretch=0.5"}).exit_code, 2);
 }

@@ -515,6 +515,36 @@ TEST(PackCommand, KeepsTexturesOfPrimitivesWithDifferentNumbersOfSets) {
   EXPECT_TRUE(std::equal(old.begin() + half, old.end(), second.begin() + half)) << "was there";
 }
 
+// The images are read with the sets 0 and 7, so both must stay.
+TEST(PackCommand, KeepsTexturesOfAFileWithEightSets) {
+  Sheet sheet(2, {SmoothTexture(32, 32, 0.1, 1)}, kColored);
+  Json& material = sheet.json["materials"][0];
+  material["emissiveTexture"] = {{"index", 0}, {"texCoord", 7}};
+  Json& attributes = sheet.json["meshes"][0]["primitives"][0]["attributes"];
+  const auto add_sets = [&attributes](int end) {
+    for (int n = 1; n < end; ++n) attributes["TEXCOORD_" + std::to_string(n)] = 2;
+  };
+  add_sets(8);
+  const std::string in = TemporaryPath("in.glb"), out = TemporaryPath("out.glb");
+  const std::string command = PLANISH_COMMAND " pack '" + in + "' -o '" + out + "' --textures=keep";
+  PutFile(in, sheet.Bytes());
+  const Outcome done = RunShell(command);
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const absl::StatusOr<MeshFile> before = ReadMeshFile(in);
+  EXPECT_THAT(UvSets(*ReadMeshFile(out)), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8));
+  for (const int set : {0, 7, 8}) {
+    const absl::StatusOr<MeshFile> after = ReadMeshFile(out, {set});
+    ASSERT_TRUE(after.ok()) << after.status();
+    EXPECT_EQ(after->mesh.texcoords == before->mesh.texcoords, set != 8) << set;
+  }
+  add_sets(64);
+  PutFile(in, sheet.Bytes());
+  const Outcome full = RunShell(command);
+  EXPECT_NE(full.exit_code, 0);
+  EXPECT_THAT(full.err, ::testing::AllOf(HasSubstr("in.glb: the new UV cannot become TEXCOORD_64"),
+                                         HasSubstr("--textures=transfer")));
+}
+
 TEST(PackCommand, RefusesToKeepTheImageOfAPly) {
   const std::string in = TemporaryPath("in.ply"), out = TemporaryPath("out.ply");
   PutFile(in,
