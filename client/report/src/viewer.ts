@@ -112,7 +112,9 @@ export class Viewer {
     for (const model of this.models) {
       const { info } = model.data;
       const step = Math.max(1, Math.floor(info.triangles / 20000));
-      for (let f = 0; f < info.triangles; f += step) this.samples.push(model.place(3 * f));
+      for (let f = 0; f < info.triangles; f += step) {
+        for (let k = 0; k < 3; ++k) this.samples.push(model.place(3 * f + k));
+      }
     }
     const box = new THREE.Box3().setFromPoints(this.samples);
     const sphere = box.getBoundingSphere(new THREE.Sphere());
