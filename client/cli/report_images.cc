@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -20,8 +21,9 @@
 namespace planish::cli {
 namespace {
 
-// Redraws the image with 8 bits, `divisor` times smaller. A new texel is the mean of the old texels that it covers.
-TextureImage Shrunk(const TextureImage& image, int divisor) {
+// Redraws the image with 8 bits, `divisor` times smaller. A new texel is the mean of the old texels that it covers, of
+// colours in linear light.
+TextureImage Shrunk(const TextureImage& image, bool is_color, int divisor) {
   ImageHeader header = image.header;
   header.bits = 8;
   header.width = std::max(1, header.width / divisor);
@@ -34,7 +36,9 @@ TextureImage Shrunk(const TextureImage& image, int divisor) {
   source.wrap_u = source.wrap_v = TextureWrap::kClamp;
   ThreadTeam team(1);
   TextureBaker baker(header, &team);
-  const absl::Status drawn = baker.Draw(source, {all}, {TextureMeaning::kColor, /*premultiplied=*/header.has_alpha()});
+  const absl::Status drawn = baker.Draw(
+      source, {all},
+      {is_color ? TextureMeaning::kColor : TextureMeaning::kData, /*premultiplied=*/is_color && header.has_alpha()});
   if (!drawn.ok()) throw ErrorFrom(drawn);
   TextureImage small = baker.Finish();
   small.is_lossless = image.is_lossless;
@@ -118,12 +122,13 @@ void LeaveFactorsToColors(MapTextures* textures) {
 }
 
 bool ShowsNoImage(const std::vector<BaseColor>& colors) {
-  return std::all_of(colors.begin(), colors.end(), [](const BaseColor& color) { return color.image < 0; });
+  return std::all_of(colors.begin(), colors.end(),
+                     [](const BaseColor& color) { return color.image < 0 && color.normals.image < 0; });
 }
 
 }  // namespace
 
-std::int64_t ReportImages::Add(const std::string& name, const absl::StatusOr<std::string>& bytes) {
+std::int64_t ReportImages::Add(const std::string& name, const absl::StatusOr<std::string>& bytes, bool is_color) {
   const absl::StatusOr<ImageHeader> header =
       bytes.ok() ? ReadImageHeader(*bytes, name) : absl::StatusOr<ImageHeader>(bytes.status());
   if (!header.ok()) {
@@ -131,10 +136,10 @@ std::int64_t ReportImages::Add(const std::string& name, const absl::StatusOr<std
     return -1;
   }
   for (std::size_t i = 0; i < images_.size(); ++i) {
-    if (images_[i].bytes == *bytes) return static_cast<std::int64_t>(i);
+    if (images_[i].bytes == *bytes && images_[i].is_color == is_color) return static_cast<std::int64_t>(i);
   }
   images_.push_back(
-      {name, *bytes, header->width, header->height, header->width, header->height, MimeType(header->kind)});
+      {name, *bytes, header->width, header->height, header->width, header->height, MimeType(header->kind), is_color});
   return static_cast<std::int64_t>(images_.size()) - 1;
 }
 
@@ -144,13 +149,18 @@ std::vector<BaseColor> ReportImages::Read(const MeshInput& input, int texcoord, 
     const BaseColorReader reader(*file, allow_outside);
     std::vector<BaseColor> colors = reader.of_material();
     colors.resize(file->mesh.material_names.size());
-    std::unordered_map<std::int64_t, std::int64_t> number;
+    std::map<std::pair<std::int64_t, bool>, std::int64_t> number;
+    const auto add = [&](ShownImage* shown, bool is_color) {
+      const std::int64_t image = shown->texcoord == (file->gltf ? texcoord : 0) ? shown->image : -1;
+      shown->image = -1;
+      if (image < 0) return;
+      const auto [known, is_new] = number.insert({{image, is_color}, -1});
+      if (is_new) known->second = Add(shown->image_name, reader.Image(image), is_color);
+      shown->image = known->second;
+    };
     for (BaseColor& color : colors) {
-      const std::int64_t image = color.texcoord == (file->gltf ? texcoord : 0) ? color.image : -1;
-      color.image = -1;
-      if (image < 0) continue;
-      if (!number.contains(image)) number[image] = Add(color.image_name, reader.Image(image));
-      color.image = number[image];
+      add(&color, true);
+      add(&color.normals, false);
     }
     all.insert(all.end(), colors.begin(), colors.end());
   }
@@ -198,7 +208,7 @@ void ReportImages::Shrink(int divisor) {
   for (Image& image : images_) {
     absl::StatusOr<TextureImage> decoded = DecodeImage(image.bytes, image.name);
     if (!decoded.ok()) throw ErrorFrom(decoded.status());
-    const TextureImage small = Shrunk(*decoded, divisor);
+    const TextureImage small = Shrunk(*decoded, image.is_color, divisor);
     absl::StatusOr<std::string> bytes = EncodeImage(small);
     if (!bytes.ok()) throw ErrorFrom(bytes.status());
     image.bytes = *std::move(bytes);

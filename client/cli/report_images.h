@@ -16,7 +16,7 @@ namespace planish::cli {
 // What the triangles of a map show.
 struct MapTextures {
   std::vector<std::int32_t> of_face;  // per face of CheckedMap::mesh: of `list`, -1: none
-  std::vector<BaseColor> list;        // BaseColor::image: of ReportImages, -1: none that can be shown
+  std::vector<BaseColor> list;        // ShownImage::image: of ReportImages, -1: none that can be shown
   // What the list's colours are multiplied by, three a face, if the file has colours of vertices.
   std::vector<CornerColor> colors;
 
@@ -50,10 +50,11 @@ class ReportImages {
     int width = 0, height = 0;  // in the page
     int file_width = 0, file_height = 0;
     std::string type;  // "image/png"
+    bool is_color = true;
   };
 
   std::vector<BaseColor> Read(const MeshInput& input, int texcoord, bool allow_outside);
-  std::int64_t Add(const std::string& name, const absl::StatusOr<std::string>& bytes);
+  std::int64_t Add(const std::string& name, const absl::StatusOr<std::string>& bytes, bool is_color);
   void Shrink(int divisor);
 
   std::vector<Image> images_;

@@ -236,16 +236,22 @@ class MapWriter {
     (*json)["textures"] = Json::array();
     for (const BaseColor& color : reported_.textures.list) {
       const char* const alphas[] = {"opaque", "mask", "blend"};
-      const char* const wraps[] = {"repeat", "mirror", "clamp"};
-      (*json)["textures"].push_back(
-          {{"image", color.image},
-           {"transform", color.transform},
-           {"wrap", {wraps[static_cast<int>(color.wrap_u)], wraps[static_cast<int>(color.wrap_v)]}},
-           {"nearest", color.nearest},
-           {"factor", color.factor},
-           {"alpha", alphas[static_cast<int>(color.alpha)]},
-           {"cutoff", color.cutoff}});
+      Json& texture = (*json)["textures"].emplace_back(JsonOf(color));
+      texture["factor"] = color.factor;
+      texture["alpha"] = alphas[static_cast<int>(color.alpha)];
+      texture["cutoff"] = color.cutoff;
+      if (color.normals.image < 0) continue;
+      texture["normals"] = JsonOf(color.normals);
+      texture["normals"]["scale"] = color.normals.scale;
     }
+  }
+
+  static Json JsonOf(const ShownImage& shown) {
+    const char* const wraps[] = {"repeat", "mirror", "clamp"};
+    return {{"image", shown.image},
+            {"transform", shown.transform},
+            {"wrap", {wraps[static_cast<int>(shown.wrap_u)], wraps[static_cast<int>(shown.wrap_v)]}},
+            {"nearest", shown.nearest}};
   }
 
   static char ByteOfShare(double share) {

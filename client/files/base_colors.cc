@@ -50,18 +50,21 @@ void BaseColorReader::ReadGltf() {
       color.cutoff = cutoff->get<double>();
     }
     for (const GltfTextureUse& use : TextureUses(root, static_cast<std::int64_t>(m))) {
-      if (use.slot != "baseColorTexture") continue;
+      const bool is_normal = use.slot == "normalTexture";
+      if (!is_normal && use.slot != "baseColorTexture") continue;
       const std::vector<GltfTextureSource> sources = TextureSources(root, use.texture);
       if (sources.empty()) continue;
-      color.image = sources.front().image;
-      color.image_name = use.name;
-      color.texcoord = use.texcoord;
-      color.transform = use.transform;
+      ShownImage& shown = is_normal ? color.normals : static_cast<ShownImage&>(color);
+      shown.image = sources.front().image;
+      shown.image_name = use.name;
+      shown.texcoord = use.texcoord;
+      shown.transform = use.transform;
       const auto [wrap_u, wrap_v] = TextureWraps(root, use.texture);
-      color.wrap_u = wrap_u;
-      color.wrap_v = wrap_v;
+      shown.wrap_u = wrap_u;
+      shown.wrap_v = wrap_v;
       const Json* const sampler = SamplerOfTexture(root, use.texture);
-      color.nearest = sampler != nullptr && GltfIntAt(*sampler, "magFilter", 0) == kNearestFilter;
+      shown.nearest = sampler != nullptr && GltfIntAt(*sampler, "magFilter", 0) == kNearestFilter;
+      if (is_normal) color.normals.scale = use.normal_scale;
     }
   }
 }

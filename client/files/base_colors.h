@@ -1,4 +1,5 @@
 // The base colours that the materials of a glTF or an OBJ show: images, and the factors that they are multiplied by.
+// And the normal maps of a glTF.
 #pragma once
 
 #include <array>
@@ -15,15 +16,24 @@ namespace planish {
 
 enum class AlphaMode { kOpaque, kMask, kBlend };
 
-// The base colour of a material.
-struct BaseColor {
+// An image, and how a material reads it.
+struct ShownImage {
   std::int64_t image = -1;  // of BaseColorReader::Image(); -1: it has no image
   std::string image_name;   // for people
   int texcoord = 0;         // glTF: the set of UV that the image is read with; -1: there is no such set
   // The image is read at u' = transform[0] u + transform[1] v + transform[2], and v' likewise; v downwards.
   std::array<double, 6> transform = {1, 0, 0, 0, 1, 0};
   TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
-  bool nearest = false;                         // the sampler magnifies without interpolation
+  bool nearest = false;  // the sampler magnifies without interpolation
+};
+
+struct NormalMap : ShownImage {
+  double scale = 1;  // of the first two components
+};
+
+// The base colour of a material, and its normal map.
+struct BaseColor : ShownImage {
+  NormalMap normals;
   std::array<double, 4> factor = {1, 1, 1, 1};  // linear
   AlphaMode alpha = AlphaMode::kOpaque;
   double cutoff = 0.5;  // of kMask

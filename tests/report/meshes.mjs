@@ -90,8 +90,8 @@ export function png(width, height, value) {
 }
 
 // A torus of n x 2 n squares, with an image that is mirrored along its length and turned by KHR_texture_transform; and a
-// square above it that has no image. `image`: a PNG.
-export function texturedTorus(n, image) {
+// square above it that has no image. `image`: a PNG; `normals`: one more, of a normal map that is read in the same way.
+export function texturedTorus(n, image, normals) {
   const positions = [], uv = [], indices = [];
   for (let j = 0; j <= n; ++j) {
     for (let i = 0; i <= 2 * n; ++i) {
@@ -114,8 +114,10 @@ export function texturedTorus(n, image) {
   indices.push(...[0, 1, 2, 0, 2, 3].map((v) => first + v));
   const parts = [
     Buffer.from(new Float32Array(positions).buffer), Buffer.from(new Float32Array(uv).buffer),
-    Buffer.from(new Uint32Array(indices).buffer), image,
+    Buffer.from(new Uint32Array(indices).buffer), image, ...(normals ? [normals] : []),
   ];
+  // u' = 2 v, v' = 1 - u.
+  const extensions = { KHR_texture_transform: { rotation: Math.PI / 2, offset: [0, 1], scale: [1, 2] } };
   let at = 0;
   const bufferViews = parts.map((part) => {
     const view = { buffer: 0, byteOffset: at, byteLength: part.length };
@@ -134,23 +136,64 @@ export function texturedTorus(n, image) {
       { bufferView: 2, componentType: 5125, count: torus, type: 'SCALAR' },
       { bufferView: 2, byteOffset: 4 * torus, componentType: 5125, count: 6, type: 'SCALAR' },
     ],
-    images: [{ name: 'skin', bufferView: 3, mimeType: 'image/png' }],
+    images: parts.slice(3).map((_, i) => ({ name: ['skin', 'bumps'][i], bufferView: 3 + i, mimeType: 'image/png' })),
     samplers: [{ wrapS: 33648 }],
-    textures: [{ source: 0, sampler: 0 }],
+    textures: parts.slice(3).map((_, i) => ({ source: i, sampler: 0 })),
     materials: [
       {
         name: 'skin',
-        pbrMetallicRoughness: {
-          // u' = 2 v, v' = 1 - u.
-          baseColorTexture: { index: 0, extensions: { KHR_texture_transform: { rotation: Math.PI / 2, offset: [0, 1], scale: [1, 2] } } },
-          baseColorFactor: [1, 0.9, 0.8, 1],
-        },
+        pbrMetallicRoughness: { baseColorTexture: { index: 0, extensions }, baseColorFactor: [1, 0.9, 0.8, 1] },
+        ...(normals && { normalTexture: { index: 1, extensions, scale: 0.8 } }),
       },
       { name: 'plain', pbrMetallicRoughness: { baseColorFactor: [0.05, 0.1, 0.9, 1] } },
     ],
     meshes: [{
       primitives: [0, 1].map((i) => ({ attributes: { POSITION: 0, TEXCOORD_0: 1 }, indices: 2 + i, material: i })),
     }],
+    nodes: [{ mesh: 0 }],
+    scenes: [{ nodes: [0] }],
+    scene: 0,
+  });
+}
+
+// Two squares side by side in the plane z = 0, each with a dome in the middle that only the normal map shows. The second
+// one has mirrored UV. As data URI.
+export function domes() {
+  const positions = [], uv = [];
+  for (const at of [0, 1.2]) {
+    for (const [x, y] of squares) {
+      positions.push(at + x, y, 0);
+      uv.push(at === 0 ? x : 1 - x, 1 - y);
+    }
+  }
+  const side = 128, indices = [0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7];
+  const image = png(side, side, (x, y, c) => {
+    const n = [(x + 0.5) / side - 0.5, 0.5 - (y + 0.5) / side, 0].map((d) => d / 0.35);
+    const r = Math.hypot(...n);
+    if (r > 0.9) return c === 2 ? 1 : 0.5;
+    n[2] = Math.sqrt(1 - r * r);
+    return 0.5 + 0.5 * n[c];
+  });
+  const buffer = Buffer.concat([
+    Buffer.from(new Float32Array(positions).buffer), Buffer.from(new Float32Array(uv).buffer),
+    Buffer.from(new Uint32Array(indices).buffer), image,
+  ]);
+  const uvAt = 4 * positions.length, indicesAt = uvAt + 4 * uv.length, imageAt = indicesAt + 4 * indices.length;
+  return JSON.stringify({
+    asset: { version: '2.0' },
+    buffers: [{ byteLength: buffer.length, uri: `data:application/octet-stream;base64,${buffer.toString('base64')}` }],
+    bufferViews: [
+      { buffer: 0, byteLength: imageAt }, { buffer: 0, byteOffset: imageAt, byteLength: image.length },
+    ],
+    accessors: [
+      { bufferView: 0, componentType: 5126, count: 8, type: 'VEC3', min: [0, 0, 0], max: [2.2, 1, 0] },
+      { bufferView: 0, byteOffset: uvAt, componentType: 5126, count: 8, type: 'VEC2' },
+      { bufferView: 0, byteOffset: indicesAt, componentType: 5125, count: 12, type: 'SCALAR' },
+    ],
+    images: [{ name: 'domes', bufferView: 1, mimeType: 'image/png' }],
+    textures: [{ source: 0 }],
+    materials: [{ pbrMetallicRoughness: { baseColorFactor: [0.4, 0.4, 0.4, 1] }, normalTexture: { index: 0 } }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0, TEXCOORD_0: 1 }, indices: 2, material: 0 }] }],
     nodes: [{ mesh: 0 }],
     scenes: [{ nodes: [0] }],
     scene: 0,

@@ -8,7 +8,7 @@ import { after, before, test } from 'node:test';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 import { chromium } from 'playwright-core';
 import { compareLooks } from './looks.mjs';
-import { png, spoiled, texturedTorus, threeMaterials } from './meshes.mjs';
+import { domes, png, spoiled, texturedTorus, threeMaterials } from './meshes.mjs';
 
 const directory = mkdtempSync(join(tmpdir(), 'planish-report-'));
 const at = (name) => join(directory, name);
@@ -381,6 +381,67 @@ test('a textured model looks the same before and after', async () => {
   // The camera is that of the other modes.
   assert.equal(await report.pixels(false, 2, 0), still);
   await report.close();
+});
+
+test('normal maps are lit from the upper left, before and after', async () => {
+  writeFileSync(at('domes.gltf'), domes());
+  planish('unwrap', at('domes.gltf'), '-o', at('domes_out.glb'), `--report=${at('domes.html')}`);
+  const report = await Report.open(at('domes.html'));
+  await report.page.keyboard.press('7');
+  await report.settle();
+  const halves = await report.page.evaluate(() => [0, 1].map((map) => {
+    const side = 256, pixels = window.planishReport.picture(map, [0, 0, 1], side);
+    const rows = [], columns = []; // of pixels that the squares cover
+    for (let i = 0; i < side * side; ++i) {
+      if (pixels[4 * i + 3] !== 255) continue;
+      rows.push(Math.floor(i / side));
+      columns.push(i % side);
+    }
+    // Between the squares is a fifth of a square.
+    const low = Math.min(...rows), left = Math.min(...columns), square = (Math.max(...columns) - left + 1) / 2.2;
+    return [0, 1].map((number) => {
+      const centre = left + (0.5 + 1.2 * number) * square, sums = [0, 0, 0, 0];
+      // Rows run upwards. A ring round the middle, by quarters: left, right, above, below.
+      for (let i = 0; i < 64; ++i) {
+        const a = (2 * Math.PI * i) / 64, r = 0.22 * square;
+        const x = Math.round(centre + r * Math.cos(a)), y = Math.round(low + square / 2 + r * Math.sin(a));
+        const value = pixels[4 * (y * side + x)];
+        sums[Math.cos(a) < 0 ? 0 : 1] += value / 32;
+        sums[Math.sin(a) > 0 ? 2 : 3] += value / 32;
+      }
+      return { left: sums[0], right: sums[1], above: sums[2], below: sums[3] };
+    });
+  }));
+  for (const { left, right, above, below } of halves.flat()) {
+    assert.ok(left > right + 15 && above > below + 15, JSON.stringify(halves));
+  }
+  await report.close();
+});
+
+test('a model with a normal map looks the same before and after', async () => {
+  const grey = png(8, 8, () => 0.6);
+  // Bumps of 32 texels, 28 degrees steep.
+  const bumps = (x, y, c) => {
+    const n = [0.5 * Math.sin((2 * Math.PI * x) / 32), 0.5 * Math.sin((2 * Math.PI * y) / 32), 1];
+    return 0.5 + (0.5 * n[c]) / Math.hypot(...n);
+  };
+  const pictures = [];
+  for (const normals of [png(256, 256, bumps), undefined]) {
+    const name = at(normals ? 'bumps' : 'smooth');
+    writeFileSync(`${name}.gltf`, texturedTorus(24, grey, normals));
+    planish('unwrap', `${name}.gltf`, '-o', `${name}_out.glb`, `--report=${name}.html`);
+    const report = await Report.open(`${name}.html`);
+    await report.page.keyboard.press('7');
+    await report.settle();
+    for (const { view, psnr, covered } of await compareLooks(report.page, 200)) {
+      assert.ok(covered > 4000, `${view} ${covered}`);
+      assert.ok(psnr >= 34, `${view} ${psnr}`);
+    }
+    pictures.push(await report.page.evaluate(() => [...window.planishReport.picture(1, [0, 0, 1], 200)]));
+    await report.close();
+  }
+  const changed = pictures[0].filter((value, i) => Math.abs(value - pictures[1][i]) > 12).length;
+  assert.ok(changed > 10000, `${changed} values`);
 });
 
 test('materials that were merged show their triangles', async () => {

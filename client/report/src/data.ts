@@ -16,12 +16,17 @@ export interface Finding {
   faces?: number[]; // triangles
 }
 
-// The base colour of a material.
-export interface TextureInfo {
+// An image, and how a material reads it.
+export interface ImageUse {
   image: number; // of PageInfo.images; -1: none that can be shown
   transform: number[]; // u' = t[0] u + t[1] v + t[2], and v' likewise; v downwards
   wrap: ['repeat' | 'mirror' | 'clamp', 'repeat' | 'mirror' | 'clamp'];
   nearest: boolean; // magnified without interpolation
+}
+
+// The base colour of a material, and its normal map.
+export interface TextureInfo extends ImageUse {
+  normals?: ImageUse & { scale: number };
   factor: [number, number, number, number]; // linear
   alpha: 'opaque' | 'mask' | 'blend';
   cutoff: number;

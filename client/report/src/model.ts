@@ -1,6 +1,6 @@
 // One map on the graphics card, for both views.
 import * as THREE from 'three';
-import { FAULTS, type Finding, type MapData, type TextureInfo } from './data';
+import { FAULTS, type Finding, type ImageUse, type MapData, type TextureInfo } from './data';
 import {
   FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, SEAM_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode,
   MODES,
@@ -162,19 +162,22 @@ WHITE.needsUpdate = true;
 const WRAPS = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
 const ALPHAS = ['opaque', 'mask', 'blend'];
 
-// An image as a texture reads it: in linear light, with mipmaps.
-function imageTexture(image: ImageBitmap, info: TextureInfo, anisotropy: number): THREE.Texture {
+// An image as a texture reads it, with mipmaps: colours in linear light, other values as they are.
+function imageTexture(image: ImageBitmap, info: ImageUse, isColor: boolean, anisotropy: number): THREE.Texture {
   const texture = new THREE.Texture(image);
   texture.wrapS = WRAPS[info.wrap[0]];
   texture.wrapT = WRAPS[info.wrap[1]];
   texture.magFilter = info.nearest ? THREE.NearestFilter : THREE.LinearFilter;
   texture.minFilter = THREE.LinearMipmapLinearFilter;
   texture.anisotropy = anisotropy;
-  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.colorSpace = isColor ? THREE.SRGBColorSpace : THREE.NoColorSpace;
   texture.flipY = false;
   texture.needsUpdate = true;
   return texture;
 }
+
+const matrixOf = ({ transform }: ImageUse): THREE.Matrix3 =>
+  new THREE.Matrix3(...(transform as [number, number, number, number, number, number]), 0, 0, 1);
 
 // One map. Both views draw it with the same uniforms, so modes and marks are the same in both.
 export class MapModel {
@@ -323,10 +326,10 @@ export class MapModel {
     const { texture, info, colors } = this.data, { textures = [] } = info;
     if (!texture) return;
     const drawn = new Map<string, THREE.Texture>();
-    const imageOf = (info: TextureInfo): THREE.Texture => {
+    const imageOf = (info: ImageUse, isColor: boolean): THREE.Texture => {
       if (info.image < 0) return WHITE;
-      const key = `${info.image} ${info.wrap.join()} ${info.nearest}`;
-      if (!drawn.has(key)) drawn.set(key, imageTexture(images[info.image]!, info, anisotropy));
+      const key = `${info.image} ${info.wrap.join()} ${info.nearest} ${isColor}`;
+      if (!drawn.has(key)) drawn.set(key, imageTexture(images[info.image]!, info, isColor, anisotropy));
       return drawn.get(key)!;
     };
     for (const [i, geometry] of byTexture(this.geometry, texture, textures).entries()) {
@@ -336,11 +339,16 @@ export class MapModel {
         let material = this.faces[k]!.material;
         if (of) {
           material = material.clone();
-          material.defines = { ...material.defines, TEXTURED: '' };
+          material.defines = { ...material.defines, TEXTURED: '', ...(of.normals && { NORMALS: '' }) };
           material.uniforms = {
             ...this.uniforms,
-            tImage: { value: imageOf(of) },
-            uTransform: { value: new THREE.Matrix3(...(of.transform as [number, number, number, number, number, number]), 0, 0, 1) },
+            tImage: { value: imageOf(of, true) },
+            uTransform: { value: matrixOf(of) },
+            ...(of.normals && {
+              tNormals: { value: imageOf(of.normals, false) },
+              uToNormals: { value: matrixOf(of.normals) },
+              uNormalScale: { value: of.normals.scale },
+            }),
             uFactor: { value: new THREE.Vector4(...of.factor) },
             uAlpha: { value: ALPHAS.indexOf(of.alpha) },
             uCutoff: { value: of.cutoff },

@@ -31,6 +31,10 @@ in uvec4 aColor;             // sRGB and alpha: what the image is multiplied by
 uniform mat3 uTransform;     // to places in the image, v downwards
 out vec2 vImage;
 out vec4 vFactor;
+#ifdef NORMALS
+uniform mat3 uToNormals;
+out vec2 vAtNormals;
+#endif
 #endif
 flat out int vFace;
 flat out uvec4 vValues;
@@ -52,6 +56,9 @@ void main() {
 #ifdef TEXTURED
   vec2 at = uUvLow + uUvSize * (vec2(aUv) + vec2(aFine) / 65535.0 - 0.5) / 65535.0;
   vImage = (uTransform * vec3(at.x, 1.0 - at.y, 1.0)).xy;
+#ifdef NORMALS
+  vAtNormals = (uToNormals * vec3(at.x, 1.0 - at.y, 1.0)).xy;
+#endif
   vec4 c = vec4(aColor) / 255.0;
   vFactor = vec4(mix(c.rgb / 12.92, pow((c.rgb + 0.055) / 1.055, vec3(2.4)), greaterThan(c.rgb, vec3(0.04045))), c.a);
 #endif
@@ -113,6 +120,31 @@ uniform float uCutoff;
 uniform vec3 uPage;          // the background
 in vec2 vImage;
 in vec4 vFactor;
+#ifdef NORMALS
+uniform sampler2D tNormals;
+uniform float uNormalScale;
+in vec2 vAtNormals;
+// The normal that the normal map shows, on the side of n. The tangent frame is that of MikkTSpace within a triangle: the
+// tangent points where u grows, and the other axis against v, which points down in the image. side: -1 if n was turned round.
+vec3 bentNormal(vec3 n, float side) {
+  vec3 px = dFdx(vEye), py = dFdy(vEye);
+  vec2 ux = dFdx(vAtNormals), uy = dFdy(vAtNormals);
+  float area = sign(ux.x * uy.y - uy.x * ux.y);
+  vec3 along = area * (px * uy.y - py * ux.y), down = area * (py * ux.x - px * uy.x);
+  vec3 tangent = along - n * dot(n, along);
+  vec3 m = 2.0 * texture(tNormals, vAtNormals).xyz - 1.0;
+  if (area == 0.0 || !(dot(tangent, tangent) > 0.0)) return n;
+  tangent = normalize(tangent);
+  vec3 up = cross(n, tangent);
+  if (dot(up, down) > 0.0) up = -up;
+  return normalize(side * uNormalScale * (m.x * tangent + m.y * up) + m.z * n);
+}
+// How much lighter the bent normal makes the surface, in light from the upper left.
+float relief(vec3 n, vec3 bent) {
+  const vec3 light = vec3(-0.48, 0.60, 0.64);
+  return 0.85 * (1.0 + dot(bent, light)) / (1.0 + max(dot(n, light), -0.9));
+}
+#endif
 #endif
 ${SCALES}
 // Hues by the golden angle, lightness in three steps.
@@ -152,8 +184,12 @@ void main() {
 #ifndef LAYOUT
   vec3 flatNormal = normalize(cross(dFdx(vEye), dFdy(vEye)));
   vec3 n = normalize(vNormal);
-  if (dot(n, flatNormal) < 0.0) n = -n;
+  float side = dot(n, flatNormal) < 0.0 ? -1.0 : 1.0;
+  n *= side;
   if (!(dot(n, flatNormal) > 0.82)) n = flatNormal;
+#ifdef NORMALS
+  c *= relief(n, bentNormal(n, side));
+#endif
   float facing = abs(dot(n, normalize(vEye)));
   c *= uMode == 6 ? 0.6 + 0.4 * facing : 0.34 + 0.66 * facing;
   if (!gl_FrontFacing && uMode != 0 && uMode != 6) c *= 0.72;
