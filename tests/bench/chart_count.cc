@@ -41,6 +41,7 @@ int Main(int argc, char** argv) {
   app.add_option("--max-extent", tuning.max_extent, "sides of the square");
   app.add_option("--first-stretch", tuning.seams_first_stretch, "with --prefer=seams");
   app.add_option("--waste-price", tuning.waste_price);
+  app.add_option("--stretch-price", tuning.stretch_price);
   app.add_option("--seam-band", tuning.seam_band);
   app.add_option("--narrow-seam-band", tuning.narrow_seam_band);
   app.add_option("--glue-estimates", tuning.glue_estimates);

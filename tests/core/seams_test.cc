@@ -215,8 +215,8 @@ TEST(PreferSeams, MakesFewerChartsAndShorterSeamsWithinTheLimit) {
 
 TEST(PreferSeams, SewsDarts) {
   double seams = 0, without = 0;
-  for (const std::uint64_t seed : {2, 4, 5}) {
-    const Mesh mesh = testing::MakeFamily("high_genus", seed, 1500);
+  for (const std::uint64_t seed : {1, 4, 5}) {
+    const Mesh mesh = testing::MakeFamily("skirts", seed, 1500);
     UnwrapOptions options;
     seams += Unwrap(mesh, options, {}).value().quality.visible_seam_length;
     options.tuning.dart_estimates = 0;
