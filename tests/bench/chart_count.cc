@@ -47,6 +47,7 @@ int Main(int argc, char** argv) {
   app.add_option("--glue-estimates", tuning.glue_estimates);
   app.add_option("--dart-estimates", tuning.dart_estimates);
   app.add_option("--move-estimates", tuning.move_estimates);
+  app.add_option("--crumb-estimates", tuning.crumb_estimates);
   app.add_option("--join-rounds", tuning.join_rounds);
   app.add_option("--join-faces", tuning.join_faces);
   app.add_option("--join-gain", tuning.packer_cuts.join_gain);

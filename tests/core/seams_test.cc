@@ -225,6 +225,18 @@ TEST(PreferSeams, SewsDarts) {
   EXPECT_LT(seams, 0.95 * without);
 }
 
+TEST(PreferSeams, GluesSmallChartsAtTheEnd) {
+  std::size_t charts = 0, without = 0;
+  for (const std::uint64_t seed : {1, 5}) {
+    const Mesh mesh = testing::MakeFamily("skirts", seed, 3000);
+    UnwrapOptions options;
+    charts += Unwrap(mesh, options, {}).value().charts.size();
+    options.tuning.crumb_estimates = 0;
+    without += Unwrap(mesh, options, {}).value().charts.size();
+  }
+  EXPECT_LT(static_cast<double>(charts), 0.95 * static_cast<double>(without));
+}
+
 // Diagonals of quads run otherwise on the other side; in the second mesh a part of one side has another shape.
 TEST(PreferSeams, CutsBothSidesAlike) {
   Mesh mesh = testing::Torus(40, 20);
