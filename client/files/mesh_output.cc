@@ -92,7 +92,7 @@ bool KeepsUv(const MeshFile& file, const WrittenPolygons& written, bool uv_is_fl
   return true;
 }
 
-// A PLY from a PLY. The images that it names are not resampled, so they fit only if the UV stay as they are.
+// A PLY from a PLY. The images that it names are not resampled, so they fit only if no UV changes.
 absl::StatusOr<WrittenMesh> PlyAndImages(const MeshFile& file, const WrittenPolygons& written,
                                          const OutputOptions& options) {
   const std::vector<std::string> images = ImagesOfPly(file);

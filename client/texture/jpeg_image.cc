@@ -157,7 +157,7 @@ absl::StatusOr<ImageHeader> ReadJpegHeader(std::string_view bytes, const std::st
 bool IsJpegCutOff(std::string_view bytes) {
   constexpr unsigned kTem = 0x01, kRst0 = 0xD0, kRst7 = 0xD7, kSoi = 0xD8, kEoi = 0xD9;
   const auto byte = [bytes](std::size_t i) { return unsigned{static_cast<unsigned char>(bytes[i])}; };
-  // Like libjpeg, skips bytes up to the next marker: those of a scan, and bytes that belong to nothing.
+  // Like libjpeg, skips all bytes up to the next marker: a scan, or bytes that belong to nothing.
   std::size_t at = 2;
   while ((at = bytes.find('\xFF', at)) != std::string_view::npos) {
     at = bytes.find_first_not_of('\xFF', at);

@@ -21,9 +21,10 @@ struct MirrorPlane {
   Vec3 ImageOfDirection(const Vec3& d) const { return d - 2 * d.dot(normal) * normal; }
 };
 
-// The plane with the most area near its mirror image, by samples. Candidates are planes perpendicular to an axis, and
-// to the principal axes; each is moved to where the samples lie nearest to their mirror images (iterated closest
-// points). The share is 0 if there is no plane with half of the samples near. After a cancellation: any plane.
+// The plane with the most area near its mirror image, by samples. The surface must have an area. Candidates are planes
+// perpendicular to an axis, and to the principal axes; each is moved to where the samples lie nearest to their mirror
+// images (iterated closest points). The share is 0 if there is no plane with half of the samples near. After a
+// cancellation: any plane.
 MirrorPlane FindMirrorPlane(const SurfacePlaces& places, const Execution& execution);
 
 }  // namespace planish

@@ -21,7 +21,7 @@ inline rays::Point ToPoint(const Vec3& p) {
 // Places are in the coordinates of the scene, whose diagonal is 1. Const calls are thread-safe.
 class SurfacePlaces {
  public:
-  // `scene` is that of `mesh`, and must outlive this object.
+  // `scene` must have been made of `mesh`, and must outlive this object.
   SurfacePlaces(const Mesh& mesh, const RayScene& scene);
 
   double area() const { return area_; }

@@ -254,10 +254,8 @@ double SeamSearch::Glue(double most_area) {
 }
 
 void SeamSearch::GlueCrumbs() {
-  double area = 0;
-  for (const double of_chart : area_) area += of_chart;
-  std::swap(glue_left_, crumb_left_);
-  Glue(tuning_.crumb_area * area);
+  std::swap(glue_left_, crumb_left_);  // Try() counts in glue_left_
+  Glue(tuning_.crumb_area * charts_.total_area);
   std::swap(glue_left_, crumb_left_);
 }
 

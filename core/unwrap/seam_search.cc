@@ -36,21 +36,23 @@ absl::StatusOr<double> SeamSearch::Run() {
   }
   if (GoesOn()) estimates_.Update(unknown, job_.execution);
   const double faces = surface_.num_faces() + std::min<double>(surface_.num_faces(), tuning_.thorough_faces);
-  glue_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.glue_estimates * faces;
-  dart_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.dart_estimates * faces;
+  const bool glues = !charts_.are_mended;
+  glue_left_ = glues ? charts_.search_work * tuning_.glue_estimates * faces : 0;
+  dart_left_ = glues ? charts_.search_work * tuning_.dart_estimates * faces : 0;
+  crumb_left_ = glues ? charts_.search_work * tuning_.crumb_estimates * faces : 0;
   move_left_ = charts_.search_work * tuning_.move_estimates * faces;
-  crumb_left_ = charts_.are_mended ? 0 : charts_.search_work * tuning_.crumb_estimates * faces;
   all_left_ = glue_left_ + dart_left_ + move_left_ + crumb_left_;
   for (round_ = 0; round_ < tuning_.seam_rounds && GoesOn(); ++round_) {
-    double gain = charts_.are_mended ? 0 : Glue();
-    if (!charts_.are_mended) {
+    double gain = 0;
+    if (glues) {
+      gain += Glue();
       const double of_darts = SewDarts();
       if (of_darts > 0) gain += of_darts + Glue();
     }
     gain += Move();
     if (!(gain > kGoesOn)) break;
   }
-  if (!charts_.are_mended) GlueCrumbs();
+  if (glues) GlueCrumbs();
   if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
   charts_.image.clear();
   charts_.mirror.reset();

@@ -108,8 +108,8 @@ class SeamSearch {
 
   // Whether these two charts are the mirror images of two charts with lower numbers, and are glued together with those.
   bool IsImage(std::int32_t i, std::int32_t j) const;
-  // Queues the borders of a chart; unless `all`, those with charts of higher numbers. At least one of the two charts is
-  // not larger than `most_area`.
+  // Queues the borders between this chart and others; unless `all`, only others with higher numbers. Leaves out pairs
+  // of charts that are both larger than `most_area`.
   void Push(std::int32_t i, bool all, double most_area);
   bool Join(const Segmentation::Joint& joint, Glued* glued);
   // Estimates the chart in its present shape, or takes the estimate of `draft`. Returns its cost; nullopt if its map is
@@ -131,10 +131,10 @@ class SeamSearch {
   std::optional<Draft> TakeDraft(const Candidate& candidate);
   // With several threads: makes drafts of this candidate and of some of the next ones, no two with a chart in common.
   void MakeDrafts(const Candidate& best);
-  // Glues charts, at least one of each two not larger than `most_area`, those with the largest gain first. Returns the
-  // total gain.
+  // Glues pairs of charts, the pair with the largest gain first. Leaves out pairs that are both larger than
+  // `most_area`. Returns the total gain.
   double Glue(double most_area = std::numeric_limits<double>::infinity());
-  // Glues small charts. They gain little, so that nothing may be left for them in glue_left_.
+  // Glues small charts. They gain little and come last, so glue_left_ may be used up before.
   void GlueCrumbs();
 
   // ---- Darts (seam_darts.cc).

@@ -162,7 +162,7 @@ WHITE.needsUpdate = true;
 const WRAPS = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
 const ALPHAS = ['opaque', 'mask', 'blend'];
 
-// An image as a texture reads it, with mipmaps: colours in linear light, other values as they are.
+// An image as a texture reads it, with mipmaps: colours in linear light, other values unchanged.
 function imageTexture(image: ImageBitmap, info: ImageUse, isColor: boolean, anisotropy: number): THREE.Texture {
   const texture = new THREE.Texture(image);
   texture.wrapS = WRAPS[info.wrap[0]];

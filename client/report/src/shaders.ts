@@ -124,7 +124,7 @@ in vec4 vFactor;
 uniform sampler2D tNormals;
 uniform float uNormalScale;
 in vec2 vAtNormals;
-// The normal that the normal map shows, on the side of n. The tangent frame is that of MikkTSpace within a triangle: the
+// The normal of the normal map, on the side of n. The tangent frame follows MikkTSpace within a triangle: the
 // tangent points where u grows, and the other axis against v, which points down in the image. side: -1 if n was turned round.
 vec3 bentNormal(vec3 n, float side) {
   vec3 px = dFdx(vEye), py = dFdy(vEye);

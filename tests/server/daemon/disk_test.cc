@@ -218,7 +218,7 @@ TEST_F(SmallDisk, FullOfSomethingElseMeshesAreRefusedAndDeletingWorks) {
   ASSERT_TRUE(server.Start()) << server.Log();
   EXPECT_TRUE(server.Delete(ended[4]).ok());
   EXPECT_EQ(server.GetJob(waiting[5]).state(), v1::JOB_STATE_QUEUED) << "its result would have no room";
-  // Only now: the room of its mesh is enough for a result.
+  // Not earlier: without the mesh of this job there is room for a result.
   EXPECT_TRUE(server.Cancel(slow).ok());
   EXPECT_TRUE(server.WaitForState(slow, v1::JOB_STATE_CANCELLED));
 
